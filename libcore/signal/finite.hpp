@@ -1,0 +1,11 @@
+// Filters spread one NaN over a whole record, so every entry of this module refuses it first.
+#pragma once
+
+#include "base/types.hpp"
+
+namespace ulna {
+
+// Throws Error (kData, detail "row R, channel C", both from 0) at the first NaN or infinite value.
+void require_finite(MatrixRef values, const char* argument);
+
+}  // namespace ulna
