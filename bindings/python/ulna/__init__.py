@@ -1,0 +1,113 @@
+"""Measure, simulate and control the human arm in contact with a robot.
+
+Names are loaded when they are first used, so that ``import ulna`` is quick:
+
+>>> import ulna
+>>> ulna.__version__ == ulna.build_information()["release"]
+True
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from ._call import (
+    AnalysisError,
+    ArgumentError,
+    Cancelled,
+    DataError,
+    Error,
+    FileError,
+    FormatError,
+    InternalError,
+    OutOfMemory,
+    UnsupportedError,
+)
+from ._release import RELEASE as __version__
+
+if TYPE_CHECKING:
+    from .impedance import ImpedanceEstimate, identify_impedance
+    from .passivity import passivity
+    from .record import Record, read
+    from .report import report
+    from .signal import preprocess
+
+# Public name -> module that holds it.
+_HOMES = {
+    "read": "record",
+    "Record": "record",
+    "preprocess": "signal",
+    "identify_impedance": "impedance",
+    "ImpedanceEstimate": "impedance",
+    "passivity": "passivity",
+    "report": "report",
+}
+_MODULES = ("signal", "record", "impedance", "passivity", "plot", "report", "cli")
+
+__all__ = [
+    "AnalysisError",
+    "ArgumentError",
+    "Cancelled",
+    "DataError",
+    "Error",
+    "FileError",
+    "FormatError",
+    "ImpedanceEstimate",
+    "InternalError",
+    "OutOfMemory",
+    "Record",
+    "UnsupportedError",
+    "__version__",
+    "build_information",
+    "identify_impedance",
+    "passivity",
+    "preprocess",
+    "read",
+    "report",
+]
+
+
+def build_information() -> dict[str, str]:
+    """Release, interface number and compiler of the library that is loaded, for error reports.
+
+    Examples
+    --------
+    >>> sorted(build_information())
+    ['build', 'interface', 'release']
+    """
+    from ._call import decode, lib
+
+    return {
+        "release": decode(lib.ulna_release()),
+        "interface": str(lib.ulna_interface_number()),
+        "build": decode(lib.ulna_build()),
+    }
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOMES:
+        value = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+        globals()[name] = value
+        return value
+    if name in _MODULES:
+        return import_module(f"{__name__}.{name}")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
+
+
+class _Package(ModuleType):
+    # `passivity` and `report` are functions and the modules that hold them. Importing such a module
+    # would put it over the function, whoever imports it first.
+    def __setattr__(self, name: str, value: Any) -> None:
+        if isinstance(value, ModuleType) and _HOMES.get(name) == name:
+            value = getattr(value, name)
+        super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package

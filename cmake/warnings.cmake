@@ -1,0 +1,11 @@
+# Warnings are errors for our own code; no contraction and no fast math, so that the same inputs give
+# the same bits.
+add_library(ulna_flags INTERFACE)
+target_compile_options(ulna_flags INTERFACE
+  -Wall -Wextra -Wshadow -Werror -ffp-contract=off
+  $<$<COMPILE_LANGUAGE:CXX>:-Wconversion>)
+if(ULNA_SANITIZE)
+  target_compile_options(ulna_flags INTERFACE -fsanitize=address,undefined -fno-sanitize-recover=all
+    -fno-omit-frame-pointer -g)
+  target_link_options(ulna_flags INTERFACE -fsanitize=address,undefined)
+endif()
