@@ -6,14 +6,14 @@
 
 namespace ulna {
 
-// n x 6: b0 b1 b2 a0 a1 a2 with a0 = 1, applied from the first row to the last. A first-order section
-// has b2 = a2 = 0.
+// n x 6: b0 b1 b2 a0 a1 a2 with a0 = 1, applied from the first row to the last. A first-order
+// section has b2 = a2 = 0.
 struct Sos {
   Matrix sections;
 };
 
-// Throws Error (kArgument) unless sections is n x 6, finite, with a0 = 1, and every pole is inside the
-// unit circle.
+// Throws Error (kArgument) unless sections is n x 6, finite, with a0 = 1, and every pole is inside
+// the unit circle.
 void check_sos(const Sos& sos);
 
 // Order 1 to 20, 0 < cutoff_hz < rate_hz / 2. Section order and gain as
@@ -28,11 +28,12 @@ double max_pole_radius(const Sos& sos);
 Index settle_samples(const Sos& sos, double epsilon);
 
 // -3 dB frequency of the forward-backward filter. Two passes square the gain, so with the prewarped
-// frequency tan(pi f / fs) it lies at (sqrt(2) - 1)^(1 / (2 order)) of the design's: 0.9156 at order 5
-// in the analogue limit.
+// frequency tan(pi f / fs) it lies at (sqrt(2) - 1)^(1 / (2 order)) of the design's: 0.9156 at
+// order 5 in the analogue limit.
 double two_pass_cutoff(int order, double cutoff_hz, double rate_hz);
 
-// The design cut-off whose forward-backward filter is -3 dB at wanted_hz, 0 < wanted_hz < rate_hz / 2.
+// The design cut-off whose forward-backward filter is -3 dB at wanted_hz, 0 < wanted_hz < rate_hz
+// / 2.
 double corrected_cutoff(int order, double wanted_hz, double rate_hz);
 
 }  // namespace ulna

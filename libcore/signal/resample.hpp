@@ -4,6 +4,7 @@
 
 #include <vector>
 
+#include "base/token.hpp"
 #include "base/types.hpp"
 
 namespace ulna {
@@ -24,21 +25,24 @@ struct Jitter {
 Jitter check_clock(VectorRef times);
 
 struct ResampleOptions {
-  double max_gap_steps = 2.5;  // refuse a longer step, in median steps: a lone lost sample is bridged
-  double tolerance = 1e-7;     // stop when the residual at the recorded instants is this share of the rms
-  int max_iterations = 60;
+  double max_gap_steps =
+      2.5;  // refuse a longer step, in median steps: a lone lost sample is bridged
+  double tolerance =
+      1e-7;  // stop when the residual at the recorded instants is this share of the rms
+  int max_iterations = 300;
 };
 
 // Values of columns(y) at t0_s + k / rate_hz, k = 0 ... n - 1, which must lie within the recorded
-// times. The record is taken as band-limited to 0.7 of its own Nyquist frequency (mean rate / 2) and
-// fitted by least squares in windowed-sinc functions, so jitter up to 30 % rms of the step is undone;
-// a lower rate_hz low-passes to 0.7 of the new Nyquist frequency. The first and last 32 samples are
-// less exact: the record is extended oddly there. Throws Error (kData) at a gap, with its row.
+// times. The record is taken as band-limited to 0.7 of its own Nyquist frequency (mean rate / 2)
+// and fitted by least squares in windowed-sinc functions, so jitter up to 30 % rms of the step is
+// undone; a lower rate_hz low-passes to 0.7 of the new Nyquist frequency. The first and last 32
+// samples are less exact: the record is extended oddly there. Throws Error (kData) at a gap, with
+// its row.
 Matrix resample_columns(VectorRef times, MatrixRef y, double t0_s, double rate_hz, Index n,
-                        const ResampleOptions& options = {});
+                        const ResampleOptions& options = {}, Token* token = nullptr);
 
 // The same for one channel.
 Vector resample_uniform(VectorRef times, VectorRef y, double t0_s, double rate_hz, Index n,
-                        const ResampleOptions& options = {});
+                        const ResampleOptions& options = {}, Token* token = nullptr);
 
 }  // namespace ulna

@@ -8,13 +8,13 @@
 
 namespace ulna {
 
-// Magnitudes, rows(freq_hz) x 3: value (1), first derivative (1/s), second derivative (1/s^2), that is
-// the amplitude of the output for a unit sine. sos may be null: the kernels alone.
-// Frequencies from 0 to rate_hz / 2.
+// Magnitudes, rows(freq_hz) x 3: value (1), first derivative (1/s), second derivative (1/s^2), that
+// is the amplitude of the output for a unit sine. sos may be null: the kernels alone. Frequencies
+// from 0 to rate_hz / 2.
 Matrix smoother_gain(const SavgolSpec& spec, const Sos* sos, double rate_hz, VectorRef freq_hz);
 
-// The same relative to the ideal operators 1, omega and omega^2: 1 where the smoother is transparent.
-// At 0 Hz the limit.
+// The same relative to the ideal operators 1, omega and omega^2: 1 where the smoother is
+// transparent. At 0 Hz the limit.
 Matrix smoother_response(const SavgolSpec& spec, const Sos* sos, double rate_hz, VectorRef freq_hz);
 
 // Magnitude of one pass of the sections (square it for forward-backward).
