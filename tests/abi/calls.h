@@ -12,7 +12,7 @@ extern "C" {
 typedef struct ulna_bad_arguments {
   int32_t number; /* every integer; at most 64, the size of the buffers that are given */
   double real;    /* every double */
-  const char *text;
+  const char *text; /* every text; at least 64 bytes can be read */
   ulna_view view;
   int64_t struct_size; /* of every struct that has one; -1: its real size */
 } ulna_bad_arguments;
@@ -27,8 +27,8 @@ typedef struct ulna_call_row {
 extern const ulna_call_row ulna_calls[];
 extern const int ulna_call_rows;
 
-/* Fills a struct with zeros but its first eight bytes, where struct_size is. */
-void ulna_fill(void *object, size_t size, const ulna_bad_arguments *bad);
+/* Fills structs with zeros but their first eight bytes, where struct_size is. */
+void ulna_fill(void *objects, size_t size, size_t count, const ulna_bad_arguments *bad);
 
 #ifdef __cplusplus
 }

@@ -2,6 +2,7 @@
 // says which argument is wrong, and leaves its outputs alone.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cstring>
 #include <limits>
 #include <string>
@@ -9,10 +10,12 @@
 
 #include "calls.h"
 
-extern "C" void ulna_fill(void* object, size_t size, const ulna_bad_arguments* bad) {
-  std::memset(object, 0, size);
+extern "C" void ulna_fill(void* objects, size_t size, size_t count, const ulna_bad_arguments* bad) {
   const int64_t stated = bad->struct_size == -1 ? static_cast<int64_t>(size) : bad->struct_size;
-  std::memcpy(object, &stated, sizeof stated < size ? sizeof stated : size);
+  std::memset(objects, 0, size * count);
+  for (size_t i = 0; i < count; ++i) {
+    std::memcpy(static_cast<char*>(objects) + i * size, &stated, sizeof stated);
+  }
 }
 
 namespace {
@@ -42,19 +45,23 @@ TEST(Calls, NullIsRefusedAndNamed) {
   }
 }
 
+using Text = std::array<char, 80>;  // zeros after the text, so that 64 bytes can be read
+
 std::vector<ulna_bad_arguments> bad_arguments() {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const double infinity = std::numeric_limits<double>::infinity();
   static const double few[4] = {1.0, nan, infinity, -1.0};
+  static const Text empty = {}, bytes = {"\xff\xfe"}, path = {"/nonexistent/file.csv"},
+                    folder = {"."}, equals = {"="}, brackets = {"[["}, word = {"x"};
   const int32_t lowest = std::numeric_limits<int32_t>::min();
   return {
-      {0, 0.0, "", {nullptr, 0, 0, 1, 1}, -1},
-      {-1, nan, "\xff\xfe", {nullptr, 5, 1, 1, 1}, 0},
-      {lowest, -infinity, "/nonexistent/file.csv", {few, -1, 1, 1, 1}, 7},
-      {1, infinity, ".", {few, 1, -1, 1, 1}, 65537},
-      {2, -1.0, "=", {few, 4, 1, 1, 4}, std::numeric_limits<int64_t>::max()},
-      {3, 1e308, "[[", {few, 2, 2, 1, 2}, std::numeric_limits<int64_t>::min()},
-      {64, 1.0, "x", {few, 0, 3, 1, 1}, -1},
+      {0, 0.0, empty.data(), {nullptr, 0, 0, 1, 1}, -1},
+      {-1, nan, bytes.data(), {nullptr, 5, 1, 1, 1}, 0},
+      {lowest, -infinity, path.data(), {few, -1, 1, 1, 1}, 7},
+      {1, infinity, folder.data(), {few, 1, -1, 1, 1}, 65537},
+      {2, -1.0, equals.data(), {few, 4, 1, 1, 4}, std::numeric_limits<int64_t>::max()},
+      {3, 1e308, brackets.data(), {few, 2, 2, 1, 2}, std::numeric_limits<int64_t>::min()},
+      {64, 1.0, word.data(), {few, 0, 3, 1, 1}, -1},
   };
 }
 

@@ -38,11 +38,17 @@ class Argument:
         elif kind.stars == 1 and kind.base in handles:
             self.value = "NULL"
         elif kind.stars == 1 and kind.base in structs:
-            self.before = f"  {kind.base} {name};\n  ulna_fill(&{name}, sizeof {name}, bad);\n"
-            self.value = f"&{name}"
+            self.before = (
+                f"  {kind.base} {name}[64];\n"
+                f"  ulna_fill({name}, sizeof {name}[0], 64, bad);\n"
+            )
+            self.value = name
             self.output = "" if kind.const_base else name
         elif kind.const_base and kind.stars == 1:
             self.value = "NULL"
+        elif kind.const_inner:
+            self.before = f"  const {kind.base} *const {name}[64] = {{NULL}};\n"
+            self.value = name
         else:  # scalars, arrays, text and handles out
             pointer = " *" if kind.stars == 2 else " "
             constant = "const " if kind.const_base else ""
