@@ -76,6 +76,12 @@ double independent_averages(const Vector& window, Index shift, Index averages, I
   return n * n / (n + 2.0 * correlation * correlation * static_cast<double>(pairs));
 }
 
+std::vector<RowRange> used_ranges(Index rows, const std::vector<RowRange>& ranges) {
+  return ranges.empty() ? std::vector<RowRange>{{0, rows}} : ranges;
+}
+
+Index shift_of(Index segment) { return segment - segment / 2; }
+
 void check_channels(const Spectra& spectra, const std::vector<Index>& channels, const char* name) {
   const Index count = spectra.s.empty() ? 0 : spectra.s.front().rows();
   require(!channels.empty(), name, std::string(name) + " must name at least one channel");
@@ -139,27 +145,17 @@ void refuse_if_never(bool determined) {
 
 }  // namespace
 
-Spectra welch(MatrixRef signals, double rate_hz, Index segment, const std::vector<RowRange>& ranges,
-              Token* token) {
-  require(std::isfinite(rate_hz) && rate_hz > 0.0, "rate_hz", "the sampling rate must be positive");
+Averaging welch_averaging(Index rows, Index segment, const std::vector<RowRange>& ranges) {
   require(segment >= 4, "segment",
           "the segment has " + std::to_string(segment) + " samples: it must have at least 4");
-  require(signals.cols() >= 1, "signals", "there must be at least one channel");
-  require_finite(signals, "signals");
-  const std::vector<RowRange> all = {{0, signals.rows()}};
-  const std::vector<RowRange>& used = ranges.empty() ? all : ranges;
-  for (const RowRange& range : used) {
-    require(range.begin >= 0 && range.begin <= range.end && range.end <= signals.rows(), "ranges",
-            "a range of rows lies outside the signals");
-  }
-
-  const Index shift = segment - segment / 2;
-  Spectra result;
+  Averaging result;
   Index pairs = 0;
-  for (const RowRange& range : used) {
+  for (const RowRange& range : used_ranges(rows, ranges)) {
+    require(range.begin >= 0 && range.begin <= range.end && range.end <= rows, "ranges",
+            "a range of rows lies outside the signals");
     const Index length = range.end - range.begin;
     if (length < segment) continue;
-    const Index count = (length - segment) / shift + 1;
+    const Index count = (length - segment) / shift_of(segment) + 1;
     result.averages += count;
     pairs += count - 1;
   }
@@ -168,18 +164,29 @@ Spectra welch(MatrixRef signals, double rate_hz, Index segment, const std::vecto
                 "no range of rows holds a whole segment of " + std::to_string(segment) +
                     " samples: use a shorter segment");
   }
+  result.effective = independent_averages(hann(segment), shift_of(segment), result.averages, pairs);
+  return result;
+}
 
+Spectra welch(MatrixRef signals, double rate_hz, Index segment, const std::vector<RowRange>& ranges,
+              Token* token) {
+  require(std::isfinite(rate_hz) && rate_hz > 0.0, "rate_hz", "the sampling rate must be positive");
+  require(signals.cols() >= 1, "signals", "there must be at least one channel");
+  const Averaging averaging = welch_averaging(signals.rows(), segment, ranges);
+  require_finite(signals, "signals");
+
+  Spectra result;
+  result.averages = averaging.averages;
+  result.effective_averages = averaging.effective;
   Accumulator accumulator(signals, segment);
   Index done = 0;
-  for (const RowRange& range : used) {
-    for (Index begin = range.begin; begin + segment <= range.end; begin += shift) {
+  for (const RowRange& range : used_ranges(signals.rows(), ranges)) {
+    for (Index begin = range.begin; begin + segment <= range.end; begin += shift_of(segment)) {
       step(token, static_cast<double>(done++) / static_cast<double>(result.averages));
       accumulator.add(begin);
     }
   }
 
-  result.effective_averages =
-      independent_averages(accumulator.window(), shift, result.averages, pairs);
   result.freq_hz = Vector::LinSpaced(segment / 2 + 1, 0.0, static_cast<double>(segment / 2)) *
                    (rate_hz / static_cast<double>(segment));
   const double density =

@@ -27,6 +27,14 @@ struct Spectra {
       0.0;  // independent segments they are worth, for 50 % overlap 0.95 times
 };
 
+struct Averaging {
+  Index averages = 0;
+  double effective = 0.0;
+};
+
+// What welch averages over; throws as it does.
+Averaging welch_averaging(Index rows, Index segment, const std::vector<RowRange>& ranges = {});
+
 // Averages over every whole segment of every range (empty: all rows); a segment never reaches
 // across two ranges. Throws Error (kData) when no range holds a whole segment. Lengths with small
 // prime factors are fast.
