@@ -1,0 +1,13 @@
+/* ulna: from a recorded or simulated experiment to the impedance of the human arm, a passivity
+ * verdict and the uncertainty of both. This header includes every stable one. */
+#ifndef ULNA_ULNA_H
+#define ULNA_ULNA_H
+
+#include <ulna/base.h>
+#include <ulna/ident.h>
+#include <ulna/impedance.h>
+#include <ulna/passivity.h>
+#include <ulna/record.h>
+#include <ulna/signal.h>
+
+#endif

@@ -1,0 +1,17 @@
+// Array types shared by every module: column-major doubles, one channel per column.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+
+namespace ulna {
+
+using Index = Eigen::Index;
+using Vector = Eigen::VectorXd;
+using Matrix = Eigen::MatrixXd;
+using VectorRef = Eigen::Ref<const Vector>;
+using MatrixRef = Eigen::Ref<const Matrix>;
+
+inline constexpr double kPi = 3.14159265358979323846;
+
+}  // namespace ulna

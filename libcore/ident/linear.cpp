@@ -1,0 +1,263 @@
+#include "ident/linear.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <Eigen/QR>
+#include <Eigen/SVD>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "base/error.hpp"
+#include "base/pool.hpp"
+#include "base/random.hpp"
+
+namespace ulna {
+namespace {
+
+// Rows worked on at a time: a block of the usual 16 columns stays in the first-level caches.
+constexpr Index kBlock = 256;
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+// R of the stack [r; block], in place.
+void absorb(Matrix& r, Eigen::Ref<const Matrix> block, Matrix& stack) {
+  const Index width = r.cols();
+  stack.resize(width + block.rows(), width);
+  stack.topRows(width) = r;
+  stack.bottomRows(block.rows()) = block;
+  const Eigen::HouseholderQR<Eigen::Ref<Matrix>> qr(stack);
+  r = stack.topRows(width).triangularView<Eigen::Upper>();
+}
+
+template <class Visit>
+void for_blocks(const std::vector<Span>& spans, Token* token, Visit visit) {
+  const double total = static_cast<double>(std::max<Index>(1, row_count(spans)));
+  Index done = 0;
+  for (const Span& span : spans) {
+    for (Index row = span.begin; row < span.end; row += kBlock) {
+      const Index count = std::min(kBlock, span.end - row);
+      visit(span, row, count);
+      done += count;
+      if (done % (64 * kBlock) < kBlock) step(token, static_cast<double>(done) / total);
+    }
+  }
+}
+
+// Regressors and outputs as the estimator sees them: least squares uses all rows of the factor, the
+// instrumental estimator only the part that the instruments span.
+Index rows_seen(const Factor& factor, Estimator estimator) {
+  return estimator == Estimator::kInstrumental ? factor.q : factor.q + factor.p;
+}
+
+}  // namespace
+
+Factor factorise(const Design& design, const std::vector<Span>& spans, Token* token) {
+  Factor factor{design.instruments(), design.regressors(), design.axes(), row_count(spans), {}};
+  const Index width = design.columns();
+  factor.r = Matrix::Zero(width, width);
+  Matrix block(kBlock, width);
+  Matrix stack;
+  for_blocks(spans, token, [&](const Span& span, Index row, Index count) {
+    design.fill(span.trial, row, count, block.topRows(count));
+    absorb(factor.r, block.topRows(count), stack);
+  });
+  return factor;
+}
+
+Factor merge(const std::vector<const Factor*>& parts) {
+  Factor out = *parts.front();
+  Matrix stack;
+  for (std::size_t i = 1; i < parts.size(); ++i) {
+    absorb(out.r, parts[i]->r, stack);
+    out.rows += parts[i]->rows;
+  }
+  return out;
+}
+
+Factor factor_of_gram(const Matrix& gram, Index q, Index p, Index n, Index rows) {
+  // Cholesky by hand, since a noise-free record makes the last pivots zero: such a row of R is zero.
+  const Index width = gram.cols();
+  Factor factor{q, p, n, rows, Matrix::Zero(width, width)};
+  Matrix& r = factor.r;
+  for (Index j = 0; j < width; ++j) {
+    const double pivot = gram(j, j) - r.col(j).head(j).squaredNorm();
+    if (pivot <= 1e-14 * gram(j, j)) continue;
+    r(j, j) = std::sqrt(pivot);
+    for (Index k = j + 1; k < width; ++k) {
+      r(j, k) = (gram(j, k) - r.col(j).head(j).dot(r.col(k).head(j))) / r(j, j);
+    }
+  }
+  return factor;
+}
+
+Fit solve(const Factor& factor, const Matrix& transform, Estimator estimator) {
+  const Index seen = rows_seen(factor, estimator);
+  const Index p = factor.p;
+  const Index n = factor.n;
+  const Index k = transform.cols();
+  const Matrix a = factor.r.block(0, factor.q, seen, p);
+  const Matrix y = factor.r.block(0, factor.q + p, seen, n);
+
+  // One stacked problem over all outputs: (I (x) a) T eta = vec(y).
+  Matrix stacked(seen * n, k);
+  Vector right(seen * n);
+  for (Index i = 0; i < n; ++i) {
+    stacked.middleRows(i * seen, seen).noalias() = a * transform.middleRows(i * p, p);
+    right.segment(i * seen, seen) = y.col(i);
+  }
+  Vector norms = stacked.colwise().norm().transpose();
+  const bool empty_column = (norms.array() <= 0.0).any() || !norms.allFinite();
+  norms = (norms.array() > 0.0).select(norms, 1.0);
+  const Matrix unit = stacked * norms.cwiseInverse().asDiagonal();
+
+  Fit fit;
+  fit.estimator = estimator;
+  fit.transform = transform;
+  const Eigen::JacobiSVD<Matrix> svd(unit, Eigen::ComputeThinV);
+  const Vector& s = svd.singularValues();
+  fit.condition = s[k - 1] > 0.0 && !empty_column ? s[0] / s[k - 1] : kInfinity;
+  fit.weakest = svd.matrixV().col(k - 1);
+  const Vector eta = norms.cwiseInverse().cwiseProduct(unit.householderQr().solve(right));
+  fit.theta = (transform * eta).reshaped(p, n);
+  fit.information = stacked.transpose() * stacked;
+  if (estimator == Estimator::kInstrumental) {
+    fit.weights = factor.r.topLeftCorner(factor.q, factor.q)
+                      .triangularView<Eigen::Upper>()
+                      .solve(factor.r.block(0, factor.q, factor.q, p));
+  }
+  return fit;
+}
+
+Matrix newey_west(const Design& design, const std::vector<Span>& spans,
+                  const std::vector<const Fit*>& fits, Index lag, Token* token) {
+  const Index p = design.regressors();
+  const Index n = design.axes();
+  const Index q = design.instruments();
+  const Index each = p * n;
+  const Index width = each * static_cast<Index>(fits.size());
+  const Index window = lag + 1;
+
+  // Bartlett weights are the autocorrelation of a box: the weighted sum over all lags equals the Gram
+  // matrix of the scores' moving sums over lag + 1 rows, zero beyond the ends, over lag + 1. That
+  // costs rows x width^2 instead of rows x lag x width^2.
+  Matrix sum_of_squares = Matrix::Zero(width, width);
+  Matrix block(kBlock, design.columns());
+  Matrix projected(kBlock, p);
+  Matrix error(kBlock, n);
+  RowMajor scores(kBlock, width);
+  RowMajor moving(kBlock, width);
+  RowMajor ring(window, width);
+  Eigen::RowVectorXd running(width);
+  Eigen::RowVectorXd score(width);
+  Index filled = 0;  // rows of the current run that entered the ring
+  Index buffered = 0;
+
+  const auto flush = [&] {
+    sum_of_squares.selfadjointView<Eigen::Lower>().rankUpdate(
+        moving.topRows(buffered).transpose());
+    buffered = 0;
+  };
+  const auto push = [&](bool more) {
+    auto slot = ring.row(filled % window);
+    if (filled >= window) running -= slot;
+    if (more) {
+      running += score;
+      slot = score;
+    } else {
+      slot.setZero();
+    }
+    ++filled;
+    moving.row(buffered++) = running;
+    if (buffered == kBlock) flush();
+  };
+  const auto finish_run = [&] {
+    for (Index i = 0; filled > 0 && i < lag; ++i) push(false);
+    filled = 0;
+    running.setZero();
+    ring.setZero();
+  };
+
+  running.setZero();
+  ring.setZero();
+  const Span* previous = nullptr;
+  for_blocks(spans, token, [&](const Span& span, Index row, Index count) {
+    if (previous != nullptr && previous != &span &&
+        (previous->trial != span.trial || previous->end != span.begin)) {
+      finish_run();
+    }
+    previous = &span;
+    design.fill(span.trial, row, count, block.topRows(count));
+    const auto z = block.topRows(count).leftCols(q);
+    const auto phi = block.topRows(count).middleCols(q, p);
+    const auto y = block.topRows(count).rightCols(n);
+    for (std::size_t f = 0; f < fits.size(); ++f) {
+      const Fit& fit = *fits[f];
+      error.topRows(count).noalias() = y - phi * fit.theta;
+      if (fit.estimator == Estimator::kInstrumental) {
+        projected.topRows(count).noalias() = z * fit.weights;
+      } else {
+        projected.topRows(count) = phi;
+      }
+      for (Index i = 0; i < n; ++i) {
+        scores.block(0, static_cast<Index>(f) * each + i * p, count, p) =
+            (projected.topRows(count).array().colwise() * error.col(i).head(count).array()).matrix();
+      }
+    }
+    for (Index t = 0; t < count; ++t) {
+      score = scores.row(t);
+      push(true);
+    }
+  });
+  finish_run();
+  flush();
+  const Matrix meat = Matrix(sum_of_squares.selfadjointView<Eigen::Lower>()) / static_cast<double>(window);
+
+  // Parameters move by T information^-1 T' times the scores.
+  Matrix bread = Matrix::Zero(width, width);
+  for (std::size_t f = 0; f < fits.size(); ++f) {
+    const Fit& fit = *fits[f];
+    const Index at = static_cast<Index>(f) * each;
+    bread.block(at, at, each, each) =
+        fit.transform * fit.information.ldlt().solve(fit.transform.transpose());
+  }
+  const Matrix covariance = bread * meat * bread.transpose();
+  return 0.5 * (covariance + covariance.transpose());
+}
+
+Matrix block_bootstrap(const Design& design, const std::vector<Span>& blocks, const Matrix& transform,
+                       Estimator estimator, Index count, std::uint64_t seed, int threads,
+                       Token* token) {
+  const Index width = design.columns();
+  std::vector<Matrix> grams(blocks.size());
+  parallel_for(static_cast<std::ptrdiff_t>(blocks.size()), threads, [&](std::ptrdiff_t b) {
+    const auto i = static_cast<std::size_t>(b);
+    Matrix rows(blocks[i].end - blocks[i].begin, width);
+    design.fill(blocks[i].trial, blocks[i].begin, rows.rows(), rows);
+    grams[i] = Matrix::Zero(width, width);
+    grams[i].selfadjointView<Eigen::Lower>().rankUpdate(rows.transpose());
+    grams[i] = Matrix(grams[i].selfadjointView<Eigen::Lower>());
+  });
+  Matrix out(count, transform.rows());
+  parallel_for(
+      count, threads,
+      [&](std::ptrdiff_t i) {
+        Random random(seed, static_cast<std::uint64_t>(i));
+        Matrix gram = Matrix::Zero(width, width);
+        Index rows = 0;
+        for (std::size_t b = 0; b < blocks.size(); ++b) {
+          const auto drawn =
+              static_cast<std::size_t>(random.below(static_cast<std::int64_t>(blocks.size())));
+          gram += grams[drawn];
+          rows += blocks[drawn].end - blocks[drawn].begin;
+        }
+        const Factor factor = factor_of_gram(gram, design.instruments(), design.regressors(),
+                                             design.axes(), rows);
+        out.row(i) = solve(factor, transform, estimator).theta.reshaped().transpose();
+      },
+      token);
+  return out;
+}
+
+}  // namespace ulna

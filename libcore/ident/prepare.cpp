@@ -1,0 +1,304 @@
+#include "ident/prepare.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+
+#include "base/error.hpp"
+#include "base/pool.hpp"
+#include "signal/butterworth.hpp"
+#include "signal/matched.hpp"
+#include "signal/response.hpp"
+#include "signal/savgol.hpp"
+#include "signal/spectrum.hpp"
+
+namespace ulna {
+namespace {
+
+constexpr double kDefaultLowpassHz = 5.0;   // Dyck 2013: movements of 0 to 3 Hz
+constexpr double kLargestLowpassHz = 50.0;  // the fastest single-joint perturbations in use
+// The published pair, 101 samples and 5 Hz at 1 kHz, kept in proportion at other cut-offs.
+constexpr double kWindowTimesLowpass = 0.505;
+constexpr int kDefaultOrder = 6;
+constexpr int kDefaultLowpassOrder = 5;
+// The filters take rows as equidistant; a step that strays by less than this changes nothing visible.
+constexpr double kClockTolerance = 0.02;
+
+std::string seconds(double value) {
+  std::ostringstream text;
+  text.precision(6);
+  text << value << " s";
+  return text.str();
+}
+
+void require_uniform(const Record& record) {
+  const double step = 1.0 / record.rate_hz();
+  for (const Trial& trial : record.trials()) {
+    for (Index row = trial.begin + 1; row < trial.end; ++row) {
+      const auto r = static_cast<std::size_t>(row);
+      const double ratio = (record.time()[r] - record.time()[r - 1]) / step;
+      if (std::abs(ratio - 1.0) <= kClockTolerance) continue;
+      const std::string where = "row " + std::to_string(row) + " (" + seconds(record.time()[r]) + ")";
+      if (ratio > 1.5) {
+        throw Error(Fault::kData, "time",
+                    "samples are missing before " + where + ": a step of " +
+                        seconds(ratio * step) + " instead of " + seconds(step) +
+                        "; split the record there",
+                    "row " + std::to_string(row));
+      }
+      throw Error(Fault::kData, "time",
+                  "the time stamps jitter: the step before " + where + " is " +
+                      seconds(ratio * step) + " instead of " + seconds(step) +
+                      "; regularise the record first",
+                  "row " + std::to_string(row));
+    }
+  }
+}
+
+void require_complete(const Record& record, const std::vector<Index>& channels) {
+  for (const Index c : channels) {
+    const Channel& channel = record.channels()[static_cast<std::size_t>(c)];
+    bool all_zero = true;
+    bool constant = true;
+    for (const Trial& trial : record.trials()) {
+      for (Index row = trial.begin; row < trial.end; ++row) {
+        const double value = record.values()(row, c);
+        if (!std::isfinite(value)) {
+          Index end = row;
+          while (end < trial.end && !std::isfinite(record.values()(end, c))) ++end;
+          throw Error(Fault::kData, channel.name,
+                      "channel " + channel.name + " has no number in " + std::to_string(end - row) +
+                          (end - row == 1 ? " row" : " rows") + " from row " + std::to_string(row) +
+                          "; split the record there or repair it",
+                      "row " + std::to_string(row));
+        }
+        all_zero = all_zero && value == 0.0;
+        constant = constant && value == record.values()(record.trials().front().begin, c);
+      }
+    }
+    if (all_zero && channel.role == Role::kForce) {
+      throw Error(Fault::kData, channel.name,
+                  "channel " + channel.name + " is zero throughout: was the force sensor connected?");
+    }
+    if (constant) {
+      throw Error(Fault::kData, channel.name,
+                  "channel " + channel.name + " is constant: nothing can be learnt from it");
+    }
+  }
+}
+
+struct Plan {
+  SavgolSpec spec;
+  Matrix kernels;
+  Sos sos;
+  bool lowpass = false;
+  ZeroPhase zero_phase;
+};
+
+Matrix collect(const Record& record, const Trial& trial, const std::vector<Index>& channels) {
+  Matrix columns(trial.end - trial.begin, static_cast<Index>(channels.size()));
+  for (std::size_t k = 0; k < channels.size(); ++k) {
+    columns.col(static_cast<Index>(k)) =
+        record.column(channels[k]).segment(trial.begin, trial.end - trial.begin);
+  }
+  return columns;
+}
+
+PreparedTrial prepare_trial(const Record& record, const Trial& trial, const Roles& roles,
+                            const Plan& plan) {
+  const Index half = savgol_edge_rows(plan.spec);
+  const Index rows = trial.end - trial.begin - 2 * half;
+  const Index n = static_cast<Index>(roles.position.size());
+  const Index m = static_cast<Index>(roles.reference.size());
+  const Matrix motion = collect(record, trial, roles.position);
+  const Matrix force = collect(record, trial, roles.force);
+  const Matrix reference = collect(record, trial, roles.reference);
+
+  // Columns: n x (position, velocity, acceleration), n x force, m x (reference and derivatives).
+  Matrix all(rows, 3 * n + n + 3 * m);
+  const auto differentiate = [&](const Matrix& signals, Index first) {
+    const Index count = signals.cols();
+    Matrix three(rows, 3);
+    for (Index k = 0; k < count; ++k) {
+      savgol_correlate(plan.kernels, signals.col(k), three);
+      for (Index d = 0; d < 3; ++d) all.col(first + d * count + k) = three.col(d);
+    }
+  };
+  differentiate(motion, 0);
+  Matrix one(rows, 1);
+  const Matrix value_kernel = plan.kernels.leftCols(1);
+  for (Index k = 0; k < n; ++k) {
+    savgol_correlate(value_kernel, force.col(k), one);
+    all.col(3 * n + k) = one.col(0);
+  }
+  if (m > 0) differentiate(reference, 4 * n);
+  if (plan.lowpass) filter_zero_phase(plan.sos, plan.zero_phase, all);
+
+  PreparedTrial out;
+  out.begin = trial.begin + half;
+  out.position = all.middleCols(0, n);
+  out.velocity = all.middleCols(n, n);
+  out.acceleration = all.middleCols(2 * n, n);
+  out.force = all.middleCols(3 * n, n);
+  out.reference = all.middleCols(4 * n, m);
+  out.reference_rate = all.middleCols(4 * n + m, m);
+  out.reference_acceleration = all.middleCols(4 * n + 2 * m, m);
+  return out;
+}
+
+// -3 dB frequency of the value kernel times the two passes.
+double effective_cutoff(const SavgolSpec& spec, const Sos* sos, double rate_hz) {
+  double low = 0.0;
+  double high = 0.5 * rate_hz;
+  for (int i = 0; i < 60; ++i) {
+    const Vector middle = Vector::Constant(1, 0.5 * (low + high));
+    const double gain = smoother_gain(spec, sos, rate_hz, middle)(0, 0);
+    (gain > std::sqrt(0.5) ? low : high) = middle[0];
+  }
+  return 0.5 * (low + high);
+}
+
+int odd_at_least(double wanted, int least) {
+  const int odd = 2 * static_cast<int>(std::lround((wanted - 1.0) / 2.0)) + 1;
+  return std::max(odd, least);
+}
+
+}  // namespace
+
+Roles find_roles(const Record& record, const std::string& position, const std::string& force,
+                 const std::string& reference) {
+  const auto pick = [&](const std::string& word, Role role) {
+    return word.empty() ? record.with_role(role) : record.resolve(word);
+  };
+  Roles roles{pick(position, Role::kPosition), pick(force, Role::kForce),
+              pick(reference, Role::kReference)};
+  std::string names;
+  for (const Channel& channel : record.channels()) {
+    names += (names.empty() ? "" : ", ") + channel.name;
+  }
+  const auto need = [&](bool good, const char* argument, const std::string& problem) {
+    if (!good) {
+      throw Error(Fault::kData, argument,
+                  problem + " (the channels are " + names + "); name them in a map");
+    }
+  };
+  need(!roles.position.empty(), "position", "no channel is known to be a position");
+  need(!roles.force.empty(), "force", "no channel is known to be a force or torque");
+  need(roles.position.size() == roles.force.size(), "force",
+       "there are " + std::to_string(roles.position.size()) + " position and " +
+           std::to_string(roles.force.size()) + " force channels; every axis needs one of each");
+  need(roles.position.size() <= 6, "position", "more than 6 axes cannot be identified at once");
+  return roles;
+}
+
+double motion_band(const Record& record, const std::vector<Index>& channels, double share,
+                   double max_hz) {
+  Index longest = 0;
+  for (const Trial& trial : record.trials()) longest = std::max(longest, trial.end - trial.begin);
+  const Index segment = std::min<Index>(longest, static_cast<Index>(4.0 * record.rate_hz()));
+  std::vector<RowRange> ranges;
+  for (const Trial& trial : record.trials()) {
+    // A minute of each trial and 50 trials tell the band as well as all of them.
+    if (ranges.size() < 50 && trial.end - trial.begin >= segment) {
+      const Index most = std::max(segment, static_cast<Index>(60.0 * record.rate_hz()));
+      ranges.push_back({trial.begin, std::min(trial.end, trial.begin + most)});
+    }
+  }
+  double band = 0.0;
+  for (const Index c : channels) {
+    const Spectra spectra = welch(record.values().middleCols(c, 1), record.rate_hz(), segment, ranges);
+    double total = 0.0;
+    for (Index pass = 0, k = 0; pass < 2; ++pass) {
+      double sum = 0.0;
+      for (k = 1; k < spectra.freq_hz.size() && spectra.freq_hz[k] <= max_hz; ++k) {
+        const double f = spectra.freq_hz[k];
+        sum += f * f * spectra.s[static_cast<std::size_t>(k)](0, 0).real();
+        if (pass == 1 && sum >= share * total) break;
+      }
+      if (pass == 0) {
+        total = sum;
+      } else if (total > 0.0 && k < spectra.freq_hz.size()) {
+        band = std::max(band, spectra.freq_hz[k]);
+      }
+    }
+  }
+  return band;
+}
+
+Prepared prepare(const Record& record, const Roles& roles, const PrepareOptions& options,
+                 int threads, Token* token) {
+  require_uniform(record);
+  for (const auto* channels : {&roles.position, &roles.force, &roles.reference}) {
+    require_complete(record, *channels);
+  }
+  const double rate = record.rate_hz();
+  Prepared out;
+  out.roles = roles;
+  PrepareReport& report = out.report;
+  report.rate_hz = rate;
+  report.motion_band_hz = motion_band(record, roles.position, 0.95, 0.2 * rate);
+  report.lowpass_order = options.lowpass_order == 0 ? kDefaultLowpassOrder : options.lowpass_order;
+  report.lowpass_chosen = options.lowpass_hz == 0.0;
+  double lowpass = options.lowpass_hz;
+  if (report.lowpass_chosen) {
+    lowpass = std::clamp(report.motion_band_hz, kDefaultLowpassHz, kLargestLowpassHz);
+    lowpass = std::min(lowpass, 0.2 * rate);
+  }
+  require(std::isfinite(lowpass) && lowpass < 0.5 * rate, "lowpass_hz",
+          "the low pass must lie below half the sampling rate, " + std::to_string(0.5 * rate) + " Hz");
+  if (options.corrected && lowpass > 0.0) {
+    lowpass = corrected_cutoff(report.lowpass_order, lowpass, rate);
+  }
+
+  Plan plan;
+  plan.lowpass = lowpass > 0.0;
+  report.order = options.order == 0 ? kDefaultOrder : options.order;
+  report.window = options.window;
+  if (report.window == 0) {
+    const double cutoff = plan.lowpass ? lowpass : kDefaultLowpassHz;
+    report.window = odd_at_least(kWindowTimesLowpass * rate / cutoff, report.order + 3 + report.order % 2);
+  }
+  plan.spec = {report.window, report.order};
+  check_savgol(plan.spec, 2);
+  require(report.order >= 2, "order", "the polynomial order must be at least 2 to give accelerations");
+  plan.zero_phase = options.zero_phase;
+  if (plan.lowpass) {
+    plan.sos = butterworth_lowpass(report.lowpass_order, lowpass, rate);
+    report.lowpass_hz = lowpass;
+    report.pad_rows = pad_samples(plan.sos, plan.zero_phase);
+    report.transient_rows = settle_samples(plan.sos, options.zero_phase.epsilon);
+  } else {
+    report.lowpass_order = 0;
+  }
+  plan.kernels = options.plain_savgol
+                     ? savgol_kernels(plan.spec, 2, rate)
+                     : matched_kernels(plan.spec, 2, rate, plan.lowpass ? 2.0 * lowpass : 0.25 * rate);
+  report.effective_cutoff_hz = effective_cutoff(plan.spec, plan.lowpass ? &plan.sos : nullptr, rate);
+  report.dropped_rows = savgol_edge_rows(plan.spec);
+
+  // A trial has to hold the windows and something to fit beside.
+  for (const Trial& trial : record.trials()) {
+    const Index rows = trial.end - trial.begin;
+    const Index least = 2 * report.window;
+    if (rows < least) {
+      throw Error(Fault::kData, "time",
+                  "the trial that starts at row " + std::to_string(trial.begin) + " has only " +
+                      std::to_string(rows) + " samples; a window of " +
+                      std::to_string(report.window) + " needs at least " + std::to_string(least),
+                  "row " + std::to_string(trial.begin));
+    }
+    report.short_trials = report.short_trials || rows - 2 * report.dropped_rows <= report.pad_rows;
+  }
+
+  out.trials.resize(record.trials().size());
+  parallel_for(
+      static_cast<std::ptrdiff_t>(out.trials.size()), threads,
+      [&](std::ptrdiff_t i) {
+        const auto k = static_cast<std::size_t>(i);
+        out.trials[k] = prepare_trial(record, record.trials()[k], roles, plan);
+      },
+      token);
+  return out;
+}
+
+}  // namespace ulna

@@ -1,0 +1,618 @@
+#include "impedance/estimate.hpp"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <sstream>
+
+#include "base/error.hpp"
+#include "base/pool.hpp"
+#include "base/random.hpp"
+#include "stats/distributions.hpp"
+
+namespace ulna {
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kDefaultTrainS = 40.0;
+constexpr double kDefaultTrainShare = 0.8;
+constexpr double kIllCondition = 200.0;
+constexpr double kBiasLevel = 0.01;
+constexpr double kLeastLagS = 1e-3;
+// Streams of random numbers of this analysis.
+constexpr std::uint64_t kDrawStream = 1u << 20;
+constexpr std::uint64_t kVafStream = 1u << 21;
+
+template <class... Parts>
+std::string sentence(int precision, const Parts&... parts) {
+  std::ostringstream text;
+  text.precision(precision);
+  (text << ... << parts);
+  return text.str();
+}
+
+std::string join(const std::vector<std::string>& words) {
+  std::string text;
+  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
+  return text;
+}
+
+// ---------------------------------------------------------------- which rows identify, which validate
+
+struct Split {
+  std::vector<Span> train, held_out, all;
+  double train_s = 0.0;
+  bool segmented = false;
+};
+
+Split split_rows(const Record& record, const Prepared& prepared, double train_s) {
+  Split split;
+  const double rate = record.rate_hz();
+  for (std::size_t t = 0; t < prepared.trials.size(); ++t) {
+    const PreparedTrial& trial = prepared.trials[t];
+    const Trial& rows = record.trials()[t];
+    std::vector<Segment> segments;
+    for (const Segment& segment : record.segments()) {
+      if (segment.trial == static_cast<int>(t)) segments.push_back(segment);
+    }
+    const auto add = [&](std::vector<Span>& list, Index begin, Index end) {
+      begin = std::max<Index>(begin - trial.begin, 0);
+      end = std::min(end - trial.begin, trial.rows());
+      if (begin < end) list.push_back({static_cast<int>(t), begin, end});
+    };
+    if (segments.size() > 1 && train_s == 0.0) {
+      split.segmented = true;
+      const std::size_t first = (segments.size() + 1) / 2;
+      for (std::size_t s = 0; s < segments.size(); ++s) {
+        add(s < first ? split.train : split.held_out, segments[s].begin, segments[s].end);
+      }
+    } else {
+      const double duration = static_cast<double>(rows.end - rows.begin) / rate;
+      const double wanted =
+          train_s > 0.0 ? train_s : std::min(kDefaultTrainS, kDefaultTrainShare * duration);
+      const Index border = rows.begin + static_cast<Index>(std::lround(wanted * rate));
+      for (const Segment& segment : segments) {
+        add(split.train, segment.begin, std::min(segment.end, border));
+        add(split.held_out, std::max(segment.begin, border), segment.end);
+      }
+      split.train_s = std::max(split.train_s, wanted);
+    }
+  }
+  split.all = split.train;
+  split.all.insert(split.all.end(), split.held_out.begin(), split.held_out.end());
+  std::stable_sort(split.all.begin(), split.all.end(), [](const Span& a, const Span& b) {
+    return a.trial != b.trial ? a.trial < b.trial : a.begin < b.begin;
+  });
+  return split;
+}
+
+// Pieces of at most `rows` rows, of nearly equal length within a span.
+std::vector<Span> cut(const std::vector<Span>& spans, Index rows) {
+  std::vector<Span> pieces;
+  for (const Span& span : spans) {
+    const Index length = span.end - span.begin;
+    const Index count = std::max<Index>(1, length / std::max<Index>(1, rows));
+    for (Index i = 0; i < count; ++i) {
+      pieces.push_back({span.trial, span.begin + length * i / count, span.begin + length * (i + 1) / count});
+    }
+  }
+  return pieces;
+}
+
+// ------------------------------------------------------------------------- parameters and their errors
+
+Index natural_size(Index n) { return 3 * n * n + n; }
+
+Vector natural_of(const Matrix& theta, const Vector& position_mean) {
+  const Index n = theta.cols();
+  Vector out(natural_size(n));
+  for (Index term = 0; term < 3; ++term) {
+    out.segment(term * n * n, n * n) = theta.middleRows(term * n, n).reshaped();
+  }
+  const Eigen::FullPivLU<Matrix> stiffness(theta.middleRows(2 * n, n).transpose());
+  if (stiffness.isInvertible()) {
+    out.tail(n) = position_mean - stiffness.solve(theta.row(3 * n).transpose());
+  } else {
+    out.tail(n).setConstant(kNaN);
+  }
+  return out;
+}
+
+// d natural / d vec(theta); x0 - x_mean = u solves K u = -c, so du = -K^-1 (dc + dK u).
+Matrix natural_jacobian(const Matrix& theta) {
+  const Index n = theta.cols();
+  const Index p = theta.rows();
+  Matrix jacobian = Matrix::Zero(natural_size(n), p * n);
+  for (Index term = 0; term < 3; ++term) {
+    for (Index i = 0; i < n; ++i) {
+      for (Index j = 0; j < n; ++j) jacobian(term * n * n + i * n + j, i * p + term * n + j) = 1.0;
+    }
+  }
+  const Matrix stiffness = theta.middleRows(2 * n, n).transpose();
+  const Eigen::FullPivLU<Matrix> lu(stiffness);
+  if (!lu.isInvertible()) {
+    jacobian.bottomRows(n).setConstant(kNaN);
+    return jacobian;
+  }
+  const Vector u = -lu.solve(theta.row(3 * n).transpose());
+  const Matrix inverse = lu.inverse();
+  for (Index i = 0; i < n; ++i) {
+    for (Index j = 0; j < n; ++j) {
+      jacobian.block(3 * n * n, i * p + 2 * n + j, n, 1) = -inverse.col(i) * u[j];
+    }
+    jacobian.block(3 * n * n, i * p + 3 * n, n, 1) = -inverse.col(i);
+  }
+  return jacobian;
+}
+
+// Rows: natural parameters of theta drawn from a normal distribution.
+Matrix gaussian_draws(const Matrix& theta, const Matrix& covariance, const Vector& position_mean,
+                      Index count, std::uint64_t seed) {
+  const Eigen::SelfAdjointEigenSolver<Matrix> eigen(covariance);
+  const Matrix root = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
+  Matrix out(count, natural_size(theta.cols()));
+  Vector normal(covariance.cols());
+  for (Index i = 0; i < count; ++i) {
+    Random random(seed, kDrawStream + static_cast<std::uint64_t>(i));
+    for (Index j = 0; j < normal.size(); ++j) normal[j] = random.normal();
+    const Vector drawn = theta.reshaped() + root * normal;
+    out.row(i) = natural_of(drawn.reshaped(theta.rows(), theta.cols()), position_mean).transpose();
+  }
+  return out;
+}
+
+Matrix sample_covariance(const Matrix& rows) {
+  const Matrix centred = rows.rowwise() - rows.colwise().mean();
+  return centred.transpose() * centred / static_cast<double>(rows.rows() - 1);
+}
+
+void set_parameters(ImpedanceFit& fit, const Matrix& theta, const Vector& position_mean) {
+  const Index n = theta.cols();
+  fit.theta = theta;
+  fit.m = theta.middleRows(0, n).transpose();
+  fit.b = theta.middleRows(n, n).transpose();
+  fit.k = theta.middleRows(2 * n, n).transpose();
+  fit.x0 = natural_of(theta, position_mean).tail(n);
+  if (!fit.x0.allFinite()) fit.outcome |= kNotFinite;
+}
+
+// ------------------------------------------------------------------------------------------ validation
+
+// VAF per axis (3.10), and its interval by resampling blocks of one second.
+void validate(const Design& design, const std::vector<Span>& spans, const Matrix& theta, double rate,
+              std::uint64_t seed, Vector& vaf, Matrix* interval) {
+  const Index n = design.axes();
+  const Index q = design.instruments();
+  const Index p = design.regressors();
+  vaf = Vector::Constant(n, kNaN);
+  if (interval != nullptr) *interval = Matrix::Constant(2, n, kNaN);
+  if (row_count(spans) < 10) return;
+
+  const std::vector<Span> blocks = cut(spans, static_cast<Index>(rate));
+  // Per block: rows, then per axis the sums of e, e^2, f, f^2.
+  Matrix sums(static_cast<Index>(blocks.size()), 1 + 4 * n);
+  Matrix rows;
+  for (std::size_t b = 0; b < blocks.size(); ++b) {
+    const Index count = blocks[b].end - blocks[b].begin;
+    rows.resize(count, design.columns());
+    design.fill(blocks[b].trial, blocks[b].begin, count, rows);
+    const Matrix error = rows.rightCols(n) - rows.middleCols(q, p) * theta;
+    // The variance is that of the force as measured, payload included.
+    const Matrix force = rows.rightCols(n) + design.payload_kg() * rows.middleCols(q, n);
+    auto row = sums.row(static_cast<Index>(b));
+    row[0] = static_cast<double>(count);
+    for (Index i = 0; i < n; ++i) {
+      row[1 + 4 * i] = error.col(i).sum();
+      row[2 + 4 * i] = error.col(i).squaredNorm();
+      row[3 + 4 * i] = force.col(i).sum();
+      row[4 + 4 * i] = force.col(i).squaredNorm();
+    }
+  }
+  const auto vaf_of = [&](const Eigen::RowVectorXd& total, Index i) {
+    const auto variance = [&](Index first) {
+      return total[first + 1] - total[first] * total[first] / total[0];
+    };
+    const double force = variance(3 + 4 * i);
+    return force > 0.0 ? 100.0 * (1.0 - variance(1 + 4 * i) / force) : kNaN;
+  };
+  const Eigen::RowVectorXd total = sums.colwise().sum();
+  for (Index i = 0; i < n; ++i) vaf[i] = vaf_of(total, i);
+  if (interval == nullptr || blocks.size() < 5) return;
+  constexpr Index kReplicates = 500;
+  std::vector<std::vector<double>> replicates(static_cast<std::size_t>(n));
+  for (Index r = 0; r < kReplicates; ++r) {
+    Random random(seed, kVafStream + static_cast<std::uint64_t>(r));
+    Eigen::RowVectorXd drawn = Eigen::RowVectorXd::Zero(sums.cols());
+    for (std::size_t b = 0; b < blocks.size(); ++b) {
+      drawn += sums.row(random.below(static_cast<std::int64_t>(blocks.size())));
+    }
+    for (Index i = 0; i < n; ++i) replicates[static_cast<std::size_t>(i)].push_back(vaf_of(drawn, i));
+  }
+  for (Index i = 0; i < n; ++i) {
+    (*interval)(0, i) = sample_quantile(replicates[static_cast<std::size_t>(i)], 0.025);
+    (*interval)(1, i) = sample_quantile(replicates[static_cast<std::size_t>(i)], 0.975);
+  }
+}
+
+// ------------------------------------------------------------------------------- what cannot be learnt
+
+// Names of the free parameters in the order of structure_map, found from the map itself.
+std::vector<std::string> parameter_names(const Matrix& map, const std::vector<std::string>& axes) {
+  const Index n = static_cast<Index>(axes.size());
+  const Index p = 3 * n + 1;
+  static const char* const kTerm[] = {"m", "b", "k"};
+  std::vector<std::string> names;
+  for (Index column = 0; column < map.cols(); ++column) {
+    Index entry = 0;
+    while (map(entry, column) == 0.0) ++entry;
+    const auto row = static_cast<std::size_t>(entry / p);
+    const Index r = entry % p;
+    names.push_back(r == 3 * n ? "the constant of " + axes[row]
+                               : std::string(kTerm[r / n]) + "_" + axes[row] +
+                                     (n > 1 ? axes[static_cast<std::size_t>(r % n)] : ""));
+  }
+  return names;
+}
+
+std::string unidentifiable(const Fit& fit, const std::vector<std::string>& axes) {
+  const Index n = static_cast<Index>(axes.size());
+  const Index p = 3 * n + 1;
+  static const char* const kSignal[] = {"acceleration of ", "velocity of ", "position of "};
+  std::vector<std::string> parts;
+  if (fit.transform.rows() == fit.transform.cols()) {
+    // Every output has the same regressors: speak of the motion. The direction lives in one output.
+    Vector motion = Vector::Zero(p);
+    for (Index i = 0; i < n; ++i) {
+      const Vector along = (fit.transform * fit.weakest).segment(i * p, p);
+      if (along.norm() > motion.norm()) motion = along;
+    }
+    motion.normalize();
+    for (Index r = 0; r < p; ++r) {
+      if (std::abs(motion[r]) < 0.25) continue;
+      parts.push_back(sentence(2, motion[r], " ", r == 3 * n ? std::string("a constant")
+                                                            : kSignal[r / n] +
+                                                                  axes[static_cast<std::size_t>(r % n)]));
+    }
+    return "the recorded motion hardly moves along one combination of signals (in units of their size: " +
+           join(parts) + ")";
+  }
+  const std::vector<std::string> names = parameter_names(fit.transform, axes);
+  for (Index r = 0; r < fit.weakest.size(); ++r) {
+    if (std::abs(fit.weakest[r]) < 0.25) continue;
+    parts.push_back(sentence(2, fit.weakest[r], " ", names[static_cast<std::size_t>(r)]));
+  }
+  return "the data do not tell these parameters apart: " + join(parts);
+}
+
+// ----------------------------------------------------------------------------------------- one estimate
+
+struct Solved {
+  Fit fit;
+  bool constrained = false;
+  bool converged = true;
+};
+
+Solved solve_structured(const Factor& factor, const Structure& structure, Estimator estimator) {
+  Solved out{solve(factor, structure_map(structure, factor.n), estimator), false, true};
+  if (structure.model != Model::kPassive) return out;
+  Fit& fit = out.fit;
+  const Vector eta = (fit.transform.transpose() * fit.transform)
+                         .ldlt()
+                         .solve(fit.transform.transpose() * fit.theta.reshaped());
+  const SemidefiniteFit bounded =
+      fit_semidefinite(fit.information, fit.information * eta, structure_cones(structure, factor.n));
+  out.constrained = bounded.active;
+  out.converged = bounded.converged;
+  if (bounded.active) fit.theta = (fit.transform * bounded.eta).reshaped(factor.p, factor.n);
+  return out;
+}
+
+void require_determined(const Fit& fit, const std::vector<std::string>& axes, double limit) {
+  if (fit.condition <= limit && fit.theta.allFinite()) return;
+  const bool iv = fit.estimator == Estimator::kInstrumental;
+  throw Error(Fault::kAnalysis, iv ? "reference" : "position",
+              sentence(3, iv ? "with the reference as instrument, " : "", unidentifiable(fit, axes),
+                       "; its condition number is ", fit.condition, " (limit ", limit,
+                       "): perturb in every direction and with more than one frequency, or fix part of "
+                       "the model"),
+              sentence(6, "condition ", fit.condition));
+}
+
+std::string bias_sentence(const DifferenceTest& test, const ImpedanceFit& iv, const ImpedanceFit& ls,
+                          const std::vector<std::string>& axes) {
+  // The diagonal stiffness that moves most, in its own standard errors, says it best.
+  const Index n = iv.k.rows();
+  const Index p = 3 * n + 1;
+  Index worst = 0;
+  double most = -1.0;
+  for (Index i = 0; i < n; ++i) {
+    const Index at = i * p + 2 * n + i;
+    const double z = std::abs(test.difference[at]) / std::max(test.standard_error[at], 1e-300);
+    if (z > most) {
+      most = z;
+      worst = i;
+    }
+  }
+  const std::string axis = axes[static_cast<std::size_t>(worst)];
+  return sentence(3, "Least squares is biased by the closed loop: part of the motion was caused by the "
+                  "human's own force, and the robot's impedance leaks in with the wrong sign (k_", axis,
+                  n > 1 ? axis : "", " = ", ls.k(worst, worst), " by least squares, ",
+                  iv.k(worst, worst), " by instrumental variables; test of equality p = ",
+                  test.p_value < 1e-4 ? std::string("< 0.0001") : sentence(2, test.p_value), ").");
+}
+
+}  // namespace
+
+Matrix predict_force(const ImpedanceEstimate& estimate, const ImpedanceFit& fit, int trial) {
+  const PreparedTrial& data = estimate.prepared->trials[static_cast<std::size_t>(trial)];
+  const Index n = estimate.n;
+  Matrix force = -(data.acceleration * fit.theta.middleRows(0, n) +
+                   data.velocity * fit.theta.middleRows(n, n) +
+                   (data.position.rowwise() - estimate.position_mean.transpose()) *
+                       fit.theta.middleRows(2 * n, n) +
+                   estimate.payload_kg * data.acceleration);
+  force.rowwise() -= fit.theta.row(3 * n);
+  return force;
+}
+
+ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOptions& options,
+                                     Token* token) {
+  require(options.payload_kg >= 0.0 && std::isfinite(options.payload_kg), "payload_kg",
+          "the payload must be a mass of at least 0 kg");
+  require(options.hac_lag_s > 0.0, "lag_s", "the lag of the standard errors must be positive");
+  require(options.train_s >= 0.0 && std::isfinite(options.train_s), "train_s",
+          "the time to identify from must be positive");
+  require(options.draws >= 100, "draws", "at least 100 draws are needed for intervals");
+  require(options.errors == ErrorModel::kNeweyWest || options.bootstrap >= 50, "bootstrap",
+          "at least 50 resamples are needed for standard errors");
+
+  ImpedanceEstimate out;
+  const Roles roles = find_roles(record, options.position, options.force, options.reference);
+  const Index n = static_cast<Index>(roles.position.size());
+  out.n = n;
+  for (const Index c : roles.position) out.axes.push_back(record.channels()[static_cast<std::size_t>(c)].name);
+  if (n == 1 && out.axes[0].size() > 3) out.axes[0] = "x";
+  out.rotational = record.channels()[static_cast<std::size_t>(roles.position[0])].unit == "rad";
+  out.structure = options.structure;
+  out.payload_kg = options.payload_kg;
+  const bool have_reference = roles.reference.size() >= roles.position.size();
+  require(options.estimator != EstimatorChoice::kInstrumental || have_reference, "estimator",
+          "instrumental variables need a reference channel for every axis; the record has " +
+              std::to_string(roles.reference.size()) + " of " + std::to_string(n));
+
+  auto prepared = std::make_shared<Prepared>(
+      prepare(record, roles, options.prepare, options.threads, token));
+  out.prepared = prepared;
+  out.report = prepared->report;
+  for (const PreparedTrial& trial : prepared->trials) {
+    out.times.push_back(Eigen::Map<const Vector>(record.time().data() + trial.begin, trial.rows()));
+  }
+  const double rate = record.rate_hz();
+  const Split split = split_rows(record, *prepared, options.train_s);
+  out.train = split.train;
+  out.held_out = split.held_out;
+  out.train_s = split.train_s;
+  out.refitted = options.refit == Refit::kYes || (options.refit == Refit::kAuto && split.segmented);
+  const Index parameters = 3 * n + 1;
+  const auto enough = [&](Index rows) {
+    if (rows >= 10 * parameters) return;
+    throw Error(Fault::kData, "time",
+                "only " + std::to_string(rows) + " samples are left to identify " +
+                    std::to_string(parameters * n) + " parameters; at least " +
+                    std::to_string(10 * parameters) + " are needed");
+  };
+  enough(row_count(split.train));
+
+  // Validation first, on a fit that has not seen the held-out rows; then, on request, a fit to all.
+  const std::vector<Span>& spans = out.refitted ? split.all : split.train;
+  const Design design(*prepared, options.payload_kg, spans);
+  out.position_mean = design.position_mean();
+  out.train_rows = row_count(split.train);
+  out.held_out_rows = row_count(split.held_out);
+
+  std::vector<Factor> factors(prepared->trials.size());
+  const auto spans_of = [](const std::vector<Span>& list, int trial) {
+    std::vector<Span> own;
+    for (const Span& span : list) {
+      if (span.trial == trial) own.push_back(span);
+    }
+    return own;
+  };
+  const auto factor_all = [&](const std::vector<Span>& list) {
+    parallel_for(
+        static_cast<std::ptrdiff_t>(factors.size()), options.threads,
+        [&](std::ptrdiff_t t) {
+          factors[static_cast<std::size_t>(t)] =
+              factorise(design, spans_of(list, static_cast<int>(t)), token);
+        },
+        token);
+    std::vector<const Factor*> parts;
+    for (const Factor& factor : factors) {
+      if (factor.rows > 0) parts.push_back(&factor);
+    }
+    return merge(parts);
+  };
+
+  const bool instrumental = options.estimator == EstimatorChoice::kInstrumental ||
+                            (options.estimator == EstimatorChoice::kAuto && have_reference);
+  std::vector<Estimator> wanted{instrumental ? Estimator::kInstrumental : Estimator::kLeastSquares};
+  if (have_reference) {
+    wanted.push_back(instrumental ? Estimator::kLeastSquares : Estimator::kInstrumental);
+  }
+  const Factor train_factor = factor_all(split.train);
+  std::vector<Solved> trained;
+  for (const Estimator estimator : wanted) {
+    trained.push_back(solve_structured(train_factor, options.structure, estimator));
+  }
+  require_determined(trained[0].fit, out.axes, options.condition_limit);
+  // The second opinion is dropped, and said so, when the data do not determine it.
+  if (trained.size() == 2 && !(trained[1].fit.condition <= options.condition_limit)) {
+    trained.pop_back();
+    out.notes.push_back("The other estimator is not shown: the data do not determine it.");
+  }
+  std::vector<Solved> solved = trained;
+  if (out.refitted) {
+    const Factor all_factor = factor_all(split.all);
+    for (std::size_t e = 0; e < solved.size(); ++e) {
+      solved[e] = solve_structured(all_factor, options.structure, trained[e].fit.estimator);
+    }
+    require_determined(solved[0].fit, out.axes, options.condition_limit);
+  }
+
+  // Covariance of all estimators together: their difference is tested below.
+  std::vector<const Fit*> fits;
+  for (const Solved& s : solved) fits.push_back(&s.fit);
+  const Index hac_lag = static_cast<Index>(std::lround(options.hac_lag_s * rate));
+  const Index each = parameters * n;
+  const Matrix covariance = newey_west(design, spans, fits, hac_lag, token);
+
+  std::vector<ImpedanceFit> results(solved.size());
+  for (std::size_t e = 0; e < solved.size(); ++e) {
+    ImpedanceFit& fit = results[e];
+    const Index at = static_cast<Index>(e) * each;
+    fit.estimator = solved[e].fit.estimator;
+    fit.condition = solved[e].fit.condition;
+    fit.constrained = solved[e].constrained;
+    if (!solved[e].converged) fit.outcome |= kNotConverged;
+    if (fit.condition > kIllCondition) fit.outcome |= kIllConditioned;
+    set_parameters(fit, solved[e].fit.theta, out.position_mean);
+    validate(design, split.held_out, trained[e].fit.theta, rate, options.seed, fit.vaf, &fit.vaf_interval);
+    validate(design, split.train, trained[e].fit.theta, rate, options.seed, fit.vaf_train, nullptr);
+    const Vector& vaf = fit.vaf.allFinite() ? fit.vaf : fit.vaf_train;
+    if (vaf.minCoeff() < options.poor_vaf) fit.outcome |= kPoorFit;
+    if (options.errors == ErrorModel::kBlockBootstrap) {
+      const std::vector<Span> blocks =
+          split.segmented ? spans : cut(spans, static_cast<Index>(options.block_s * rate));
+      if (blocks.size() < 5) {
+        throw Error(Fault::kData, "errors",
+                    "a bootstrap over " + std::to_string(blocks.size()) +
+                        " blocks says nothing; record longer, shorten block_s or use Newey-West errors");
+      }
+      const Matrix thetas =
+          block_bootstrap(design, blocks, solved[e].fit.transform, fit.estimator, options.bootstrap,
+                          options.seed, options.threads, token);
+      fit.draws.resize(thetas.rows(), natural_size(n));
+      for (Index i = 0; i < thetas.rows(); ++i) {
+        fit.draws.row(i) =
+            natural_of(thetas.row(i).reshaped(parameters, n), out.position_mean).transpose();
+      }
+      fit.covariance = sample_covariance(fit.draws);
+    } else {
+      const Matrix own = covariance.block(at, at, each, each);
+      const Matrix jacobian = natural_jacobian(solved[e].fit.theta);
+      fit.covariance = jacobian * own * jacobian.transpose();
+      fit.draws = gaussian_draws(solved[e].fit.theta, own, out.position_mean, options.draws, options.seed);
+    }
+  }
+
+  if (factors.size() > 1) {
+    Matrix table(static_cast<Index>(factors.size()), natural_size(n));
+    Index used = 0;
+    for (const Factor& factor : factors) {
+      if (factor.rows < 10 * parameters) continue;
+      const Solved s = solve_structured(factor, options.structure, wanted[0]);
+      TrialFit trial{natural_of(s.fit.theta, out.position_mean), s.fit.condition};
+      table.row(used++) = trial.natural.transpose();
+      out.trials.push_back(std::move(trial));
+    }
+    if (used >= 2) {
+      out.trial_mean = table.topRows(used).colwise().mean().transpose();
+      out.trial_error =
+          (sample_covariance(table.topRows(used)).diagonal() / static_cast<double>(used)).cwiseSqrt();
+    }
+  }
+
+  const double band = out.report.lowpass_hz > 0.0 ? out.report.lowpass_hz : 0.2 * rate;
+  out.motion = motion_share(record, roles, band);
+  out.lag = check_lag(*prepared, spans, wanted[0], options.hac_lag_s);
+
+  // ------------------------------------------------------------------------------- what to say of it
+  out.fit = std::move(results[0]);
+  if (results.size() == 2) {
+    out.alternative = std::make_unique<ImpedanceFit>(std::move(results[1]));
+    const bool iv_first = out.fit.estimator == Estimator::kInstrumental;
+    ImpedanceFit& iv = iv_first ? out.fit : *out.alternative;
+    ImpedanceFit& ls = iv_first ? *out.alternative : out.fit;
+    Matrix joint = covariance;
+    if (!iv_first) {
+      Eigen::PermutationMatrix<Eigen::Dynamic> swap(2 * each);
+      for (Index i = 0; i < each; ++i) {
+        swap.indices()[i] = static_cast<int>(i + each);
+        swap.indices()[i + each] = static_cast<int>(i);
+      }
+      joint = swap * covariance * swap.transpose();
+    }
+    out.test = difference_test(solved[iv_first ? 0 : 1].fit, solved[iv_first ? 1 : 0].fit, joint);
+    if (out.test.p_value < kBiasLevel) {
+      ls.outcome |= kClosedLoopBiased;
+      (iv_first ? out.notes : out.warnings).push_back(bias_sentence(out.test, iv, ls, out.axes));
+    }
+  } else if (!have_reference) {
+    out.fit.outcome |= kUnchecked;
+    out.notes.push_back(
+        "The log holds no reference (commanded perturbation), so it cannot be checked whether the human "
+        "caused part of the motion; if so, least squares is biased towards minus the robot's impedance.");
+  }
+  if ((out.fit.outcome & kPoorFit) != 0) {
+    const Vector& vaf = out.fit.vaf.allFinite() ? out.fit.vaf : out.fit.vaf_train;
+    Index worst = 0;
+    const double low = vaf.minCoeff(&worst);
+    out.warnings.push_back(sentence(
+        3, "A second-order model does not describe this recording: it accounts for only ", low,
+        " % of the variance of the held-out force along ", out.axes[static_cast<std::size_t>(worst)],
+        ". Active muscles, reflexes or friction may be at work; M, B and K are then no more than the best "
+        "second-order summary."));
+  }
+  if ((out.fit.outcome & kIllConditioned) != 0) {
+    out.warnings.push_back(sentence(3, "The estimate is ill-conditioned (condition number ",
+                                    out.fit.condition, "): ", unidentifiable(solved[0].fit, out.axes), "."));
+  }
+  if (out.lag.available && std::abs(out.lag.lag_s) > kLeastLagS &&
+      std::abs(out.lag.lag_s) > 4.0 * out.lag.standard_error_s) {
+    out.fit.outcome |= kForceLag;
+    out.warnings.push_back(sentence(
+        3, "The force channel seems to be ", std::abs(out.lag.lag_s) * 1e3, " ms (standard error ",
+        out.lag.standard_error_s * 1e3, " ms) ", out.lag.lag_s > 0 ? "later" : "earlier",
+        " than the position: a lag biases the damping by about minus the stiffness times the lag. A model "
+        "that does not fit can look like a lag."));
+  }
+  if ((out.fit.outcome & kNotFinite) != 0) {
+    out.warnings.push_back("The stiffness matrix is singular, so there is no equilibrium position x0.");
+  }
+  if ((out.fit.outcome & kNotConverged) != 0) {
+    out.warnings.push_back("The constrained fit did not converge to its tolerance.");
+  }
+  if (out.fit.constrained) {
+    out.notes.push_back(
+        "A positive-semidefinite constraint is active: standard errors are those of the symmetric model "
+        "without it.");
+  }
+  if (out.held_out_rows == 0) {
+    out.warnings.push_back("No data were held out, so the fit could not be validated on fresh data.");
+  }
+  if (out.report.short_trials) {
+    out.notes.push_back(
+        "A trial is shorter than the low pass needs to settle: its ends were extended by less than the "
+        "filter's memory.");
+  }
+  out.provenance = record.provenance();
+  out.provenance.push_back(sentence(
+      6, "prepared: Savitzky-Golay order ", out.report.order, ", window ", out.report.window,
+      out.report.lowpass_order > 0
+          ? sentence(6, ", zero-phase Butterworth order ", out.report.lowpass_order, " at ",
+                     out.report.lowpass_hz, " Hz (-3 dB at ", out.report.effective_cutoff_hz, " Hz)")
+          : std::string(", no low pass")));
+  out.provenance.push_back(sentence(
+      6, "identified: ",
+      out.fit.estimator == Estimator::kInstrumental ? "instrumental variables" : "least squares", ", ",
+      row_count(spans), " rows, ",
+      options.errors == ErrorModel::kNeweyWest ? sentence(6, "Newey-West errors, lag ", options.hac_lag_s, " s")
+                                               : sentence(6, "block bootstrap, ", options.bootstrap, " resamples"),
+      ", seed ", options.seed));
+  return out;
+}
+
+}  // namespace ulna

@@ -1,0 +1,113 @@
+#include "passivity/energy.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "base/error.hpp"
+#include "base/random.hpp"
+
+namespace ulna {
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+// Points of one block that its path is remembered by: E and D are smooth between them.
+constexpr Index kPointsPerBlock = 32;
+
+}  // namespace
+
+EnergySeries absorbed_energy(MatrixRef force, MatrixRef velocity, double rate_hz) {
+  require(force.rows() == velocity.rows() && force.cols() == velocity.cols(), "velocity",
+          "force and velocity must have the same shape");
+  require(rate_hz > 0.0, "rate_hz", "the sampling rate must be positive");
+  const Index rows = force.rows();
+  EnergySeries out;
+  out.time_s = Vector::LinSpaced(rows, 0.0, static_cast<double>(std::max<Index>(rows - 1, 0)) / rate_hz);
+  out.energy_j = Vector::Zero(rows);
+  out.dissipation = Vector::Zero(rows);
+  const Vector power = -(force.cwiseProduct(velocity)).rowwise().sum();
+  const Vector speed = velocity.rowwise().squaredNorm();
+  for (Index i = 1; i < rows; ++i) {
+    out.energy_j[i] = out.energy_j[i - 1] + 0.5 * (power[i] + power[i - 1]) / rate_hz;
+    out.dissipation[i] = out.dissipation[i - 1] + 0.5 * (speed[i] + speed[i - 1]) / rate_hz;
+  }
+  return out;
+}
+
+EnergyIndex energy_index(const EnergySeries& series, double beta_j, double min_share) {
+  return energy_index(std::vector<EnergySeries>{series}, {beta_j}, min_share);
+}
+
+EnergyIndex energy_index(const std::vector<EnergySeries>& trials, const std::vector<double>& beta_j,
+                         double min_share) {
+  EnergyIndex out{std::numeric_limits<double>::infinity(), kNaN};
+  for (std::size_t t = 0; t < trials.size(); ++t) {
+    const EnergySeries& series = trials[t];
+    if (series.dissipation.size() == 0) continue;
+    const double least = min_share * series.dissipation.tail(1)[0];
+    for (Index i = 0; i < series.dissipation.size(); ++i) {
+      const double moved = series.dissipation[i];
+      if (!(moved > 0.0) || moved < least) continue;
+      const double delta = (series.energy_j[i] - beta_j[t]) / moved;
+      if (delta < out.delta) out = {delta, series.time_s[i]};
+    }
+  }
+  if (std::isinf(out.delta)) out.delta = kNaN;
+  return out;
+}
+
+std::vector<double> energy_index_bootstrap(const std::vector<EnergySeries>& trials, double beta_j,
+                                           double min_share, double block_s, Index count,
+                                           std::uint64_t seed) {
+  struct Block {
+    Vector energy, dissipation;  // increments from the block's start
+  };
+  std::vector<Block> blocks;
+  for (const EnergySeries& series : trials) {
+    const Index rows = series.time_s.size();
+    if (rows < 2) continue;
+    const double duration = series.time_s[rows - 1];
+    const Index pieces = std::max<Index>(1, static_cast<Index>(duration / block_s));
+    for (Index b = 0; b < pieces; ++b) {
+      const Index begin = (rows - 1) * b / pieces;
+      const Index end = (rows - 1) * (b + 1) / pieces;
+      const Index points = std::min<Index>(kPointsPerBlock, end - begin);
+      Block block{Vector(points), Vector(points)};
+      for (Index k = 0; k < points; ++k) {
+        const Index row = begin + (end - begin) * (k + 1) / points;
+        block.energy[k] = series.energy_j[row] - series.energy_j[begin];
+        block.dissipation[k] = series.dissipation[row] - series.dissipation[begin];
+      }
+      blocks.push_back(std::move(block));
+    }
+  }
+  std::vector<double> out;
+  if (blocks.size() < 5) return out;
+  std::vector<std::size_t> order(blocks.size());
+  for (Index r = 0; r < count; ++r) {
+    Random random(seed, static_cast<std::uint64_t>(r));
+    double total = 0.0;
+    for (std::size_t& drawn : order) {
+      drawn = static_cast<std::size_t>(random.below(static_cast<std::int64_t>(blocks.size())));
+      total += blocks[drawn].dissipation.tail(1)[0];
+    }
+    double energy = 0.0;
+    double moved = 0.0;
+    double delta = std::numeric_limits<double>::infinity();
+    for (const std::size_t drawn : order) {
+      const Block& block = blocks[drawn];
+      for (Index k = 0; k < block.energy.size(); ++k) {
+        const double d = moved + block.dissipation[k];
+        if (d > 0.0 && d >= min_share * total) {
+          delta = std::min(delta, (energy + block.energy[k] - beta_j) / d);
+        }
+      }
+      energy += block.energy.tail(1)[0];
+      moved += block.dissipation.tail(1)[0];
+    }
+    if (std::isfinite(delta)) out.push_back(delta);
+  }
+  return out;
+}
+
+}  // namespace ulna
