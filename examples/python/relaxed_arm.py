@@ -74,7 +74,8 @@ SLOW_HZ = 4.5  # corner of the slow part
 PHYSIOLOGICAL_HZ = (8.0, 12.0)
 PHYSIOLOGICAL_SHARE = 0.25  # rms of the 8-12 Hz part over the rms of d
 
-BUNDLED_SEED = 2  # a typical draw; how often the intervals hold the truth is measured on other seeds
+# A typical draw. How often intervals hold the truth is measured on other seeds.
+BUNDLED_SEED = 2
 DATA = Path(__file__).resolve().parent.parent / "data"
 
 

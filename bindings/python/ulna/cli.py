@@ -1,0 +1,399 @@
+"""The command ``ulna``: assess a recording, look into a file, check the installation.
+
+What a script reads goes to standard output, what went wrong to standard error as one sentence.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shlex
+import sys
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+OK = 0
+BAD_INPUT = 2  # the file, the map or the command line must change
+FAILED_ANALYSIS = 3  # the input is sound but does not determine what was asked for
+INTERNAL = 4  # a defect of ulna
+INTERRUPTED = 130  # 128 + SIGINT, as shells have it
+
+_EXIT_CODES = """exit codes:
+  0  done; look at the outcome before you use the numbers
+  2  the file, the map or the command line is wrong
+  3  the recording does not determine what was asked for
+  4  a defect of ulna
+  130  interrupted"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code.
+
+    Examples
+    --------
+    >>> main(["--version"])  # doctest: +ELLIPSIS
+    ulna ...
+    0
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        options = _parser().parse_args(words)
+    except SystemExit as stop:  # argparse: 0 after --help, 2 for a wrong command line
+        return int(stop.code or 0)
+    options.command_line = shlex.join(["ulna", *words])
+    try:
+        with warnings.catch_warnings():
+            # What an estimate warns of is part of its summary and of the JSON object.
+            warnings.simplefilter("ignore", UserWarning)
+            return int(options.run(options))
+    except KeyboardInterrupt:
+        print("ulna: interrupted", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:  # the reader of a pipe has gone, as `| head` does
+        sys.stdout = open("/dev/null", "w")  # noqa: SIM115 - the flush at exit needs it open
+        return OK
+    except Exception as failure:  # noqa: BLE001 - one sentence instead of a traceback
+        if options.debug:
+            raise
+        return _explain(failure)
+
+
+def _explain(failure: Exception) -> int:
+    from . import AnalysisError, ArgumentError, DataError, FileError, FormatError, UnsupportedError
+
+    told = (ArgumentError, DataError, FileError, FormatError, UnsupportedError, OSError, _Usage)
+    message = " ".join(str(failure).split())
+    if isinstance(failure, AnalysisError | MemoryError):
+        code = FAILED_ANALYSIS
+        message = message or "there is not enough memory for this recording"
+    elif isinstance(failure, told):
+        code = BAD_INPUT
+        if isinstance(failure, OSError) and failure.strerror and failure.filename:
+            message = f"{failure.filename}: {failure.strerror}"
+    else:
+        code = INTERNAL
+        message = (
+            f"internal error: {type(failure).__name__}: {message}; "
+            "please report it with what --debug prints"
+        )
+    print(f"ulna: {message}", file=sys.stderr)
+    return code
+
+
+class _Usage(Exception):
+    """The command cannot be done as asked."""
+
+
+# The parser --------------------------------------------------------------------------------------
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says in one line what is wrong with a command, without the whole usage above it."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(BAD_INPUT, f"{self.prog}: {message}; see `{self.prog} --help`\n")
+
+
+def _parser() -> argparse.ArgumentParser:
+    from . import __version__
+
+    parser = _Parser(
+        prog="ulna",
+        description="Impedance and passivity of a human limb from recordings with a robot.",
+        epilog="example:\n  ulna assess trial.csv --out report\n\n" + _EXIT_CODES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action="version", version=f"ulna {__version__}")
+    parser.add_argument("--selftest", action="store_true", help="check this installation")
+    parser.add_argument("--debug", action="store_true", help=argparse.SUPPRESS)
+    parser.set_defaults(run=_selftest_or_help, parser=parser)
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND")
+    _add_assess(commands)
+    _add_inspect(commands)
+    return parser
+
+
+def _add(commands: Any, name: str, *, summary: str, examples: str) -> argparse.ArgumentParser:
+    parser: argparse.ArgumentParser = commands.add_parser(
+        name,
+        help=summary,
+        description=summary[0].upper() + summary[1:] + ".",
+        epilog="examples:\n" + examples + "\n\n" + _EXIT_CODES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    # SUPPRESS keeps the value of `ulna --debug assess`.
+    parser.add_argument(
+        "--debug", action="store_true", default=argparse.SUPPRESS,
+        help="show the traceback of an error",
+    )  # fmt: skip
+    return parser
+
+
+def _add_assess(commands: Any) -> None:
+    parser = _add(
+        commands,
+        "assess",
+        summary="estimate inertia, damping and stiffness and judge passivity",
+        examples="  ulna assess trial.csv\n"
+        "  ulna assess trial.csv --map lab.toml --out report\n"
+        "  ulna assess ankle.csv --lowpass 50 --train 40 --json",
+    )
+    parser.add_argument("file", metavar="FILE", help="recording: CSV, TSV, MAT, NPZ or HDF5")
+    parser.add_argument("--map", metavar="MAP", help="TOML file that names columns and units")
+    parser.add_argument("--out", metavar="DIR", help="write report.html, result.json and figures")
+    parser.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
+    model = parser.add_argument_group("model")
+    model.add_argument(
+        "--model", choices=("free", "symmetric", "passive"), default="free",
+        help="structure of M, B and K (default: %(default)s)",
+    )  # fmt: skip
+    model.add_argument("--no-damping", action="store_true", help="B = 0")
+    model.add_argument("--diagonal-mass", action="store_true", help="M = m times the identity")
+    model.add_argument(
+        "--payload", metavar="KG", type=_not_negative, default=0.0,
+        help="mass between sensor and hand, taken off M",
+    )  # fmt: skip
+    fit = parser.add_argument_group("fit")
+    fit.add_argument(
+        "--estimator", choices=("auto", "ls", "iv"), default="auto",
+        help="least squares or instrumental variables; auto takes iv when the recording holds "
+        "the reference",
+    )  # fmt: skip
+    fit.add_argument("--lowpass", metavar="HZ", type=_positive, help="cut-off of the low pass")
+    fit.add_argument("--window", metavar="N", type=_odd, help="samples of the smoothing window")
+    fit.add_argument("--train", metavar="S", type=_positive, help="seconds that identify; the rest "
+                     "validates")  # fmt: skip
+    fit.add_argument(
+        "--errors", choices=("newey-west", "bootstrap"), default="newey-west",
+        help="how standard errors are found (default: %(default)s)",
+    )  # fmt: skip
+    fit.add_argument("--seed", metavar="N", type=int, default=0, help="of the random draws")
+    drawing = parser.add_argument_group("drawing")
+    drawing.add_argument(
+        "--shoulder", metavar="X,Y", type=_pair,
+        help="place of the shoulder in m, in the frame of the recording: ellipses are then drawn "
+        "on an arm",
+    )  # fmt: skip
+    parser.set_defaults(run=_assess)
+
+
+def _add_inspect(commands: Any) -> None:
+    parser = _add(
+        commands,
+        "inspect",
+        summary="show what a file holds and draft a map for it",
+        examples="  ulna inspect trial.mat\n  ulna inspect trial.mat --out lab.toml",
+    )
+    parser.add_argument("file", metavar="FILE", help="recording: CSV, TSV, MAT, NPZ or HDF5")
+    parser.add_argument("--map", metavar="MAP", help="TOML file that names columns and units")
+    parser.add_argument("--out", metavar="MAP", help="write the drafted map to this file")
+    parser.set_defaults(run=_inspect)
+
+
+def _number(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
+    if value != value or value in (float("inf"), float("-inf")):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a finite number")
+    return value
+
+
+def _positive(text: str) -> float:
+    value = _number(text)
+    if value <= 0:
+        raise argparse.ArgumentTypeError(f"{text} is not above 0")
+    return value
+
+
+def _not_negative(text: str) -> float:
+    value = _number(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"{text} is below 0")
+    return value
+
+
+def _odd(text: str) -> int:
+    if not text.isdecimal() or int(text) % 2 == 0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not an odd number of samples")
+    return int(text)
+
+
+def _pair(text: str) -> tuple[float, float]:
+    parts = text.split(",")
+    if len(parts) != 2:
+        raise argparse.ArgumentTypeError(f"{text!r} is not two numbers, as 0,0")
+    return _number(parts[0]), _number(parts[1])
+
+
+# assess ------------------------------------------------------------------------------------------
+
+
+def _assess(options: argparse.Namespace) -> int:
+    import ulna
+
+    from ._result import result
+
+    if options.out is not None:
+        _require_matplotlib()
+        _check_folder(Path(options.out))
+    record = ulna.read(options.file, map=options.map)
+    estimate = ulna.identify_impedance(
+        record,
+        model=options.model,
+        no_damping=options.no_damping,
+        diagonal_mass=options.diagonal_mass,
+        estimator=options.estimator,
+        lowpass_hz=options.lowpass,
+        window=options.window,
+        train_s=options.train,
+        payload_kg=options.payload,
+        errors=options.errors,
+        seed=options.seed,
+    )
+    page = None if options.out is None else Path(options.out) / "report.html"
+    found = result(estimate, source=str(options.file), report=None if page is None else str(page))
+    text = json.dumps(found, indent=2, allow_nan=False)
+    if page is not None:
+        _write_results(estimate, page, text, options)
+    if options.json:
+        print(text)
+        return OK
+    print(_summary(estimate))
+    if page is not None:
+        print(f"\nreport: {page}")
+    return OK
+
+
+def _require_matplotlib() -> None:
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError as failure:
+        raise _Usage(
+            "--out needs matplotlib: install it with `pip install ulna[plot]`"
+        ) from failure
+
+
+def _check_folder(folder: Path) -> None:
+    """Refuse before the work rather than after it."""
+    if folder.exists() and not folder.is_dir():
+        raise _Usage(f"--out {folder} is a file: give a folder")
+
+
+def _write_results(estimate: Any, page: Path, text: str, options: argparse.Namespace) -> None:
+    import matplotlib
+
+    from . import plot
+    from .report import report
+
+    matplotlib.use("Agg")  # a command opens no window
+    figures = page.parent / "figures"
+    figures.mkdir(parents=True, exist_ok=True)
+    pictures = list(plot.pictures(estimate, shoulder_m=options.shoulder))
+    report(
+        estimate,
+        page,
+        source=Path(options.file).name,
+        command=options.command_line,
+        figures=pictures,
+    )
+    for picture in pictures:
+        picture.save(figures)
+    (page.parent / "result.json").write_text(text + "\n", encoding="utf-8")
+
+
+def _summary(estimate: Any) -> str:
+    parts = [str(estimate.summary()).rstrip(), str(estimate.passivity().summary()).rstrip()]
+    return "\n\n".join(part for part in parts if part)
+
+
+# inspect -----------------------------------------------------------------------------------------
+
+
+def _inspect(options: argparse.Namespace) -> int:
+    import ulna
+
+    target = None if options.out is None else Path(options.out)
+    if target is not None and target.exists():
+        raise _Usage(f"{target} exists already: choose another name, so that no map is lost")
+    found = ulna.inspect(options.file, map=options.map)
+    print(found.summary())
+    if target is not None:
+        target.write_text(found.map_toml, encoding="utf-8")
+        print(f"\nmap: {target}")
+    return OK
+
+
+# selftest ----------------------------------------------------------------------------------------
+
+
+def _selftest_or_help(options: argparse.Namespace) -> int:
+    if options.selftest:
+        return _selftest()
+    options.parser.print_help()
+    return BAD_INPUT
+
+
+def _selftest() -> int:
+    """Assess a small recording whose answer is known and say what came out."""
+    import tempfile
+
+    import numpy as np
+
+    import ulna
+
+    information = ulna.build_information()
+    print(f"ulna {ulna.__version__} ({information['build']}), NumPy {np.__version__}")
+    m = np.array([[1.33, -0.93], [-0.93, 1.89]])
+    b = np.array([[5.75, -2.2], [-2.2, 10.6]])
+    k = np.array([[42.45, -28.7], [-28.7, 125.43]])
+    x0 = np.array([-0.003, 0.529])
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "selftest.csv"
+        _write_known(path, m, b, k, x0)
+        estimate = ulna.identify_impedance(ulna.read(path), estimator="ls")
+    good = True
+    for name, truth in (("M", m), ("B", b), ("K", k), ("x0", x0)):
+        error = float(np.max(np.abs(getattr(estimate, name) - truth)) / np.max(np.abs(truth)))
+        # The recording is free of noise; what remains is the ripple of the smoothing filter.
+        passed = error < 1e-4
+        good = good and passed
+        print(f"  {name:<3} relative error {error:.1e}  {'ok' if passed else 'FAILED'}")
+    verdict = estimate.passivity().verdict
+    passed = verdict == "passive"
+    good = good and passed
+    print(f"  passivity: {verdict}  {'ok' if passed else 'FAILED'}")
+    print("selftest passed" if good else "selftest FAILED: install ulna again")
+    return OK if good else INTERNAL
+
+
+def _write_known(path: Path, m: Any, b: Any, k: Any, x0: Any) -> None:
+    """A noise-free two-axis recording of 20 s at 500 Hz with exact derivatives."""
+    import numpy as np
+
+    time = np.arange(10000) / 500.0
+    frequency = np.array([[0.3, 0.4], [0.9, 1.0], [1.6, 1.7], [2.3, 2.5]])  # Hz, one column an axis
+    omega = 2 * np.pi * frequency
+    phase = np.array([[0.1, 2.0], [1.2, 4.1], [3.3, 0.4], [5.0, 2.9]])
+    angle = omega * time[:, None, None] + phase
+    position = np.array([0.0, 0.52]) + 0.004 * np.cos(angle).sum(axis=1)
+    velocity = -0.004 * (omega * np.sin(angle)).sum(axis=1)
+    acceleration = -0.004 * (omega**2 * np.cos(angle)).sum(axis=1)
+    force = -(acceleration @ m.T + velocity @ b.T + (position - x0) @ k.T)
+    np.savetxt(
+        path,
+        np.column_stack([time, position, force]),
+        delimiter=",",
+        fmt="%.15g",
+        header="time_s,x_m,y_m,F_x_N,F_y_N",
+        comments="",
+    )
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,470 @@
+"""One HTML file that says what was found, how sure it is, and how it was done.
+
+The file needs no network, no server and no script: figures are inside it as SVG. Read from the top
+it answers first and justifies later, and it prints on A4.
+"""
+
+from __future__ import annotations
+
+import base64
+from datetime import datetime, timezone
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from . import plot
+from ._result import record_information
+
+_VERDICTS = {
+    "passive": ("Passive", "good"),
+    "not passive": ("Not passive", "bad"),
+    "undecided": ("Undecided", "open"),
+}
+_APPROACHES = {
+    "model": "the identified model alone",
+    "energy": "the energy measured alone",
+    "both": "the identified model and the energy measured",
+}
+# What an outcome means for the reader; others are shown by name.
+_OUTCOMES = {
+    "good": "",
+    "closed_loop_biased": "The human moved the hand as well as the robot did, which biases "
+    "this estimate. Record the reference of the robot and use instrumental variables.",
+    "poor_fit": "A second-order model does not describe this recording well. "
+    "Do not read M, B and K as properties of the limb.",
+    "ill_conditioned": "The motion hardly tells some of the parameters apart; "
+    "the estimate is unsure along that direction.",
+    "unexcited": "The motion is too small or too simple to determine the parameters.",
+    "weak_instruments": "The reference hardly moves the hand, so it says little about the limb.",
+}
+
+_CSS = """
+:root { --ink: #1c1c1c; --soft: #5b5b5b; --line: #d9d9d9; --paper: #fff; }
+* { box-sizing: border-box; }
+body { margin: 0 auto; padding: 2.2rem 1.4rem 3rem; max-width: 53rem; background: var(--paper);
+  color: var(--ink); font: 16px/1.5 system-ui, "Segoe UI", "DejaVu Sans", Arial, sans-serif; }
+h1 { font-size: 1.55rem; line-height: 1.25; margin: 0 0 .2rem; overflow-wrap: anywhere; }
+h2 { font-size: 1.15rem; margin: 2.2rem 0 .6rem; }
+p { margin: .5rem 0; }
+.source { color: var(--soft); margin: 0 0 1.2rem; }
+.verdict { border-left: 6px solid var(--c); background: var(--b); padding: .9rem 1.2rem; }
+.verdict p { margin: .25rem 0; }
+.verdict .word { font-size: 1.35rem; font-weight: 700; }
+.good { --c: #009E73; --b: #edf8f4; } .bad { --c: #D55E00; --b: #fdf1e9; }
+.open { --c: #E69F00; --b: #fdf7e8; }
+.warn { border-left: 6px solid #E69F00; background: #fdf7e8; padding: .6rem 1.2rem;
+  margin: 1rem 0; }
+.warn p { margin: .3rem 0; }
+table { border-collapse: collapse; width: 100%; font-size: .93em;
+  font-variant-numeric: tabular-nums; }
+th, td { text-align: right; padding: .28rem .6rem; border-bottom: 1px solid var(--line);
+  white-space: nowrap; }
+thead th { border-bottom: 2px solid var(--ink); font-weight: 600; }
+th:first-child, td:first-child { text-align: left; padding-left: 0; }
+td.words { text-align: left; white-space: normal; }
+tbody tr.first th, tbody tr.first td { border-top: 2px solid var(--line); }
+tbody th { font-weight: 400; }
+.scroll { overflow-x: auto; }
+.soft { color: var(--soft); }
+i.q { font-family: Georgia, "DejaVu Serif", serif; }
+figure { margin: 1.6rem 0; }
+figure h3 { font-size: 1rem; margin: 0 0 .4rem; }
+figure img { display: block; width: 100%; height: auto; }
+figcaption { color: var(--soft); font-size: .9rem; margin-top: .4rem; }
+dl { display: grid; grid-template-columns: max-content 1fr; gap: .25rem 1.4rem; margin: .5rem 0; }
+dt { color: var(--soft); } dd { margin: 0; overflow-wrap: anywhere; }
+ol { padding-left: 1.3rem; margin: .4rem 0; }
+footer { margin-top: 2.4rem; border-top: 1px solid var(--line); padding-top: .6rem;
+  color: var(--soft); font-size: .85rem; }
+@media (max-width: 34rem) { dl { grid-template-columns: 1fr; } dd { margin-bottom: .4rem; } }
+@page { size: A4; margin: 16mm 15mm; }
+@media print {
+  body { max-width: none; padding: 0; font-size: 10.5pt; }
+  figure, .verdict, .warn, tr, dl { break-inside: avoid; }
+  h2, h3 { break-after: avoid; }
+  .verdict, .warn { -webkit-print-color-adjust: exact; print-color-adjust: exact; }
+  .scroll { overflow: visible; }
+}
+"""
+
+
+def report(
+    estimate: Any,
+    path: Any,
+    *,
+    title: str | None = None,
+    source: str | None = None,
+    shoulder_m: tuple[float, float] | None = None,
+    command: str | None = None,
+    figures: Any = None,
+) -> Path:
+    """Write a report of an estimate as one HTML file and return its path.
+
+    Parameters
+    ----------
+    estimate : ImpedanceEstimate
+        What :func:`ulna.identify_impedance` returned.
+    path : path-like
+        The file to write; its folder is made when it does not exist.
+    title : str, optional
+        Heading; "Impedance of the limb" when left out.
+    source : str, optional
+        Name of the recording, shown below the heading.
+    shoulder_m : tuple of two floats, optional
+        Place of the shoulder in the frame of the record; the ellipses are then drawn on an arm.
+    command : str, optional
+        Command that made the report, kept with its provenance.
+    figures : iterable of ulna.plot.Picture, optional
+        Figures to use in place of ``ulna.plot.pictures(estimate)``.
+
+    Examples
+    --------
+    >>> import ulna
+    >>> log = ulna.read("examples/data/relaxed-arm.csv")
+    >>> path = ulna.report(ulna.identify_impedance(log), "out/trial.html")
+    >>> path.name
+    'trial.html'
+    """
+    target = Path(path)
+    if figures is None:
+        figures = plot.pictures(estimate, shoulder_m=shoulder_m)
+    page = _page(estimate, title or "Impedance of the limb", source, command, figures)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.write_text(page, encoding="utf-8")
+    return target
+
+
+def _page(
+    estimate: Any, title: str, source: str | None, command: str | None, figures: Any
+) -> str:
+    verdict = estimate.passivity()
+    parts = [
+        f"<h1>{escape(title)}</h1>",
+        f'<p class="source">{escape(_about(estimate, source))}</p>',
+        _verdict(estimate, verdict),
+        _warnings(estimate),
+        "<h2>Parameters</h2>",
+        _parameters(estimate),
+        _fit_words(estimate),
+        "<h2>Passivity</h2>",
+        _passivity(estimate, verdict),
+        _ellipses(estimate),
+        "<h2>Figures</h2>",
+        *[_figure(picture) for picture in figures],
+        "<h2>How it was done</h2>",
+        _method(estimate, command),
+        _footer(),
+    ]
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{escape(title)}{escape(' · ' + source if source else '')}</title>\n"
+        f"<style>{_CSS}</style>\n</head>\n<body>\n<main>\n"
+        + "\n".join(part for part in parts if part)
+        + "\n</main>\n</body>\n</html>\n"
+    )
+
+
+# Numbers -----------------------------------------------------------------------------------------
+
+
+def digits_after_point(spread: float) -> int:
+    """Decimals that show two figures of an uncertainty.
+
+    Examples
+    --------
+    >>> digits_after_point(0.0123), digits_after_point(9.7), digits_after_point(120.0)
+    (3, 1, 0)
+    """
+    if not np.isfinite(spread) or spread <= 0:
+        return 3
+    return int(np.clip(1 - np.floor(np.log10(spread)), 0, 9))
+
+
+def number(value: float, spread: float) -> str:
+    """`value` with as many decimals as its uncertainty deserves, with a true minus sign."""
+    if not np.isfinite(value):
+        return "–"
+    text = f"{value:.{digits_after_point(spread)}f}"
+    if float(text) == 0.0:
+        text = text.lstrip("-")
+    return text.replace("-", "−")
+
+
+def percent(probability: float) -> str:
+    """A probability without false certainty: never 0 % or 100 %.
+
+    Examples
+    --------
+    >>> percent(0.99972), percent(0.5), percent(1e-6)
+    ('above 99.9 %', '50 %', 'below 0.1 %')
+    """
+    if not np.isfinite(probability):
+        return "unknown"
+    if probability > 0.999:
+        return "above 99.9 %"
+    if probability < 0.001:
+        return "below 0.1 %"
+    digits = 0 if 0.01 <= probability <= 0.99 else 1
+    return f"{100 * probability:.{digits}f} %"
+
+
+def value_and_interval(value: float, interval: Any) -> str:
+    """``4.92 [4.10, 5.71]``; the value alone when there is no interval."""
+    if interval is None or not np.all(np.isfinite(np.asarray(interval, dtype=float))):
+        return f"{value:.3g}".replace("-", "−") if np.isfinite(value) else "–"
+    low, high = (float(side) for side in np.ravel(interval))
+    spread = (high - low) / 4
+    return f"{number(value, spread)} [{number(low, spread)}, {number(high, spread)}]"
+
+
+# Parts -------------------------------------------------------------------------------------------
+
+
+def _about(estimate: Any, source: str | None) -> str:
+    facts = record_information(estimate.record)
+    words = [source] if source else []
+    words.append(f"{estimate.n} axis" if estimate.n == 1 else f"{estimate.n} axes")
+    rate = facts.get("rate_hz")
+    if rate and facts.get("rows"):
+        words.append(f"{facts['rows'] / rate:.1f} s at {rate:g} Hz")
+    if facts.get("trials", 1) > 1:
+        words.append(f"{facts['trials']} trials")
+    return " · ".join(words)
+
+
+def _verdict(estimate: Any, verdict: Any) -> str:
+    word, kind = _VERDICTS.get(verdict.verdict, (str(verdict.verdict).capitalize(), "open"))
+    chance = percent(float(verdict.probability))
+    lines = [
+        f'<p class="word">{escape(word)}</p>',
+        f"<p>The probability that the limb is passive is <b>{chance}</b>, judged by "
+        f"{escape(_APPROACHES.get(verdict.approach, str(verdict.approach)))}.</p>",
+    ]
+    lines.append(f"<p>{_answer_in_words(estimate)}</p>")
+    outcome = _OUTCOMES.get(estimate.outcome, f"Outcome: {estimate.outcome.replace('_', ' ')}.")
+    if outcome:
+        kind = "open" if kind == "good" else kind
+        lines.append(f"<p><b>Look before you use it:</b> {escape(outcome)}</p>")
+    return f'<section class="verdict {kind}">' + "".join(lines) + "</section>"
+
+
+def _answer_in_words(estimate: Any) -> str:
+    low, high = estimate.interval("K")
+    if estimate.n == 1:
+        value = value_and_interval(float(estimate.K[0, 0]), (low[0, 0], high[0, 0]))
+        words = f"Stiffness <b>{value} {escape(plot.unit_of(estimate, 'K'))}</b>"
+    elif estimate.n == 2:
+        shape = estimate.ellipses()["K"]
+        unit = escape(plot.unit_of(estimate, "K"))
+        major = value_and_interval(shape.major, getattr(shape, "major_interval", None))
+        minor = value_and_interval(shape.minor, getattr(shape, "minor_interval", None))
+        words = (
+            f"Stiffness <b>{major} {unit}</b> along the stiffest direction and "
+            f"<b>{minor} {unit}</b> along the softest"
+        )
+    else:
+        values = ", ".join(
+            value_and_interval(float(estimate.K[i, i]), (low[i, i], high[i, i]))
+            for i in range(estimate.n)
+        )
+        words = f"Stiffness along the axes <b>{values} {escape(plot.unit_of(estimate, 'K'))}</b>"
+    vaf = " and ".join(f"{value:.0f} %" for value in np.atleast_1d(estimate.vaf))
+    force = "torque" if estimate.rotational else "force"
+    return f"{words}. The model explains {vaf} of the {force} on data it has not seen."
+
+
+def _warnings(estimate: Any) -> str:
+    if not estimate.warnings:
+        return ""
+    lines = "".join(f"<p>{escape(str(sentence))}</p>" for sentence in estimate.warnings)
+    word = "Warning" if len(estimate.warnings) == 1 else "Warnings"
+    return f'<section class="warn"><p><b>{word}</b></p>{lines}</section>'
+
+
+def _symbol(name: str) -> str:
+    letter, _, index = name.partition("_")
+    return f'<i class="q">{letter}</i>' + (f"<sub>{escape(index)}</sub>" if index else "")
+
+
+_NAMES = {"M": "Inertia", "B": "Damping", "K": "Stiffness", "x0": "Equilibrium"}
+
+
+def _parameters(estimate: Any) -> str:
+    squares = estimate.least_squares
+    head = (
+        "<th scope=col>Parameter</th><th scope=col>Estimate</th><th scope=col>Standard error</th>"
+        "<th scope=col>95 % interval</th><th scope=col>Unit</th>"
+    )
+    if squares is not None:
+        head += "<th scope=col>Least squares</th>"
+    rows = []
+    for name in ("M", "B", "K", "x0"):
+        factor, unit = 1.0, plot.unit_of(estimate, name)
+        if name == "x0" and not estimate.rotational:
+            factor, unit = 1e3, "mm"
+        value, spread = (
+            factor * np.ravel(getattr(estimate, field)) for field in (name, name + "_se")
+        )
+        low, high = (factor * np.ravel(side) for side in estimate.interval(name))
+        for i, entry in enumerate(plot.entry_names(estimate, name)):
+            cells = [
+                number(value[i], spread[i]),
+                number(spread[i], spread[i]),
+                f"{number(low[i], spread[i])} to {number(high[i], spread[i])}",
+                escape(unit),
+            ]
+            if squares is not None:
+                other = factor * np.ravel(getattr(squares, name))
+                cells.append(f'<span class="soft">{number(other[i], spread[i])}</span>')
+            title = f"{_NAMES[name]} " if i == 0 else ""
+            first = ' class="first"' if i == 0 and name != "M" else ""
+            rows.append(
+                f"<tr{first}><th scope=row>{title}{_symbol(entry)}</th>"
+                + "".join(f"<td>{cell}</td>" for cell in cells)
+                + "</tr>"
+            )
+    return (
+        f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>'
+        + "".join(rows)
+        + "</tbody></table></div>"
+    )
+
+
+def _fit_words(estimate: Any) -> str:
+    words = f"Estimated by {escape(plot.method_name(estimate.estimator))}. Rows of a matrix are "
+    words += f"axes of {'torque' if estimate.rotational else 'force'}, columns axes of motion. "
+    intervals = getattr(estimate, "vaf_interval", None)
+    axes = [str(name) for name in estimate.axes]
+    parts = []
+    for i, value in enumerate(np.atleast_1d(estimate.vaf)):
+        pair = None if intervals is None else np.asarray(intervals)[:, i]
+        along = f" along {escape(axes[i])}" if estimate.n > 1 else ""
+        parts.append(f"{value_and_interval(float(value), pair)} %{along}")
+    words += "Variance accounted for on held-out data: " + ", ".join(parts) + "."
+    return f"<p>{words}</p>"
+
+
+def _definition(pairs: list[tuple[str, str]]) -> str:
+    return "<dl>" + "".join(f"<dt>{a}</dt><dd>{b}</dd>" for a, b in pairs if b) + "</dl>"
+
+
+def _passivity(estimate: Any, verdict: Any) -> str:
+    unit = escape(plot.unit_of(estimate, "B"))
+    pairs = [("Why", escape(str(verdict.reason)))]
+    pairs.append(("What would change it", escape(str(verdict.would_change))))
+    for name, label in (("eop", "by the model"), ("eop_energy", "by the energy")):
+        value = getattr(verdict, name, None)
+        if value is None or not np.isfinite(value):
+            continue
+        word = "Excess" if value >= 0 else "Shortage"
+        text = value_and_interval(float(value), getattr(verdict, name + "_interval", None))
+        pairs.append((f"{word} {label}", f"{text} {unit}"))
+    eigenvalues = getattr(verdict, "eigenvalues", None)
+    if isinstance(eigenvalues, dict) and estimate.n > 1:
+        for name, values in eigenvalues.items():
+            if name not in ("M", "B", "K"):
+                continue
+            shown = ", ".join(f"{v:.3g}".replace("-", "−") for v in np.ravel(values))
+            pairs.append(
+                (f"Eigenvalues of sym {name}", f"{shown} {escape(plot.unit_of(estimate, name))}")
+            )
+    asymmetry = [
+        f"{name} {100 * float(value):.1f} %"
+        for name in ("M", "K")
+        if (value := getattr(verdict, "z_mean_" + name, None)) is not None and np.isfinite(value)
+    ]
+    if estimate.n > 1 and asymmetry:
+        pairs.append(("Antisymmetric part", ", ".join(asymmetry)))
+    energy = np.asarray(verdict.energy_j, dtype=float)
+    if energy.size:
+        total = f"{energy[-1]:.3g}".replace("-", "−")
+        pairs.append(("Energy absorbed", f"{total} J over the record"))
+    return _definition(pairs)
+
+
+def _ellipses(estimate: Any) -> str:
+    if estimate.n != 2:
+        return ""
+    rows = []
+    for name, shape in estimate.ellipses().items():
+        unit = escape(plot.unit_of(estimate, name))
+
+        def told(field: str, shape: Any = shape) -> str:
+            value = float(getattr(shape, field))
+            base = field.removesuffix("_deg")
+            for spelled in (f"{field}_interval", f"{base}_interval", f"{base}_interval_deg"):
+                pair = getattr(shape, spelled, None)
+                if pair is not None:
+                    return value_and_interval(value, pair)
+            return value_and_interval(value, None)
+
+        angle = f"{told('angle_deg')}°" if getattr(shape, "angle_defined", True) else "undefined"
+        rows.append(
+            f"<tr><th scope=row>{_NAMES[name]} ({unit})</th><td>{told('major')}</td>"
+            f"<td>{told('minor')}</td><td>{told('shape')}</td><td>{angle}</td></tr>"
+        )
+    return (
+        '<h2>Ellipses</h2><div class="scroll"><table><thead><tr><th scope=col>Symmetric part</th>'
+        "<th scope=col>Major</th><th scope=col>Minor</th><th scope=col>Shape</th>"
+        "<th scope=col>Angle to x</th></tr></thead><tbody>" + "".join(rows) + "</tbody></table>"
+        "</div><p class=soft>Values with 95 % intervals. Shape is major over minor.</p>"
+    )
+
+
+def _figure(picture: plot.Picture) -> str:
+    data = base64.b64encode(picture.svg).decode("ascii")
+    text = escape(picture.title + ". " + picture.caption, quote=True)
+    return (
+        f'<figure id="{escape(picture.name)}"><h3>{escape(picture.title)}</h3>'
+        f'<img alt="{text}" src="data:image/svg+xml;base64,{data}">'
+        f"<figcaption>{escape(picture.caption)}</figcaption></figure>"
+    )
+
+
+def _method(estimate: Any, command: str | None) -> str:
+    force = "torque" if estimate.rotational else "force"
+    prepared = estimate.preprocessing
+    text = prepared.text() if callable(getattr(prepared, "text", None)) else ""
+    pairs = [
+        ("Model", "M ẍ + B ẋ + K (x − x₀) = −F"),
+        ("Sign", f"F is the {force} by the human on the robot; positive energy is absorbed by "
+                 "the limb."),
+        ("Preprocessing", escape(str(text))),
+        ("Estimator", escape(plot.method_name(estimate.estimator).capitalize())),
+        ("Condition number", f"{estimate.condition:.3g}" if _finite(estimate, "condition") else ""),
+    ]  # fmt: skip
+    if _finite(estimate, "lag_s"):
+        spread = getattr(estimate, "lag_se_s", float("nan"))
+        lag = f"{1e3 * estimate.lag_s:.2f} ms".replace("-", "−")
+        if np.isfinite(spread):
+            lag += f", standard error {1e3 * spread:.2f} ms"
+        pairs.append((f"Lag between {force} and position", lag))
+    facts = record_information(estimate.record)
+    if isinstance(facts.get("provenance"), list | tuple):
+        steps = "".join(f"<li>{escape(str(step))}</li>" for step in facts["provenance"])
+        pairs.append(("Record", f"<ol>{steps}</ol>"))
+    if command:
+        pairs.append(("Command", f"<code>{escape(command)}</code>"))
+    notes = "".join(f"<li>{escape(str(note))}</li>" for note in estimate.notes)
+    if notes:
+        pairs.append(("Notes", f"<ol>{notes}</ol>"))
+    return _definition(pairs)
+
+
+def _finite(estimate: Any, name: str) -> bool:
+    value = getattr(estimate, name, None)
+    return value is not None and bool(np.isfinite(value))
+
+
+def _footer() -> str:
+    from . import __version__, build_information
+
+    build = build_information()
+    now = datetime.now(timezone.utc).strftime("%Y-%m-%d %H:%M UTC")
+    return (
+        f"<footer>ulna {escape(__version__)} · {escape(build.get('build', ''))} · "
+        f"NumPy {escape(np.__version__)} · written {now}</footer>"
+    )

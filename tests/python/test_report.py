@@ -1,0 +1,201 @@
+"""The report: one file, answer first, numbers as the estimate has them."""
+
+from __future__ import annotations
+
+import base64
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+matplotlib = pytest.importorskip("matplotlib")
+matplotlib.use("Agg")
+
+import ulna  # noqa: E402
+from ulna.report import digits_after_point, number, percent, value_and_interval  # noqa: E402
+
+ROOT = Path(__file__).resolve().parents[2]
+_VOID = {"meta", "img", "br", "link", "hr", "input"}
+
+
+class Altered:
+    """An estimate or verdict with some of its fields replaced."""
+
+    def __init__(self, original, **changes):
+        self.__dict__.update(_of=original, **changes)
+
+    def __getattr__(self, name):
+        return getattr(self.__dict__["_of"], name)
+
+
+class Page(HTMLParser):
+    """Checks that tags close in order and collects images, references and text."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.images, self.links, self.tags, self.words = [], [], [], [], []
+        self.feed(text)
+        assert self.open == []
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append(tag)
+        if tag not in _VOID:
+            self.open.append(tag)
+        found = dict(attributes)
+        if tag == "img":
+            self.images.append(found)
+        self.links += [found[key] for key in ("src", "href") if key in found]
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if not self.open or self.open[-1] != "style":
+            self.words.append(data)
+
+    @property
+    def text(self):
+        return " ".join("".join(self.words).split())
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return ulna.identify_impedance(ulna.read(ROOT / "examples" / "data" / "relaxed-arm.csv"))
+
+
+@pytest.fixture(scope="module")
+def page(arm, tmp_path_factory):
+    path = tmp_path_factory.mktemp("report") / "made" / "trial.html"
+    assert ulna.report(arm, path, source="relaxed-arm.csv", command="ulna assess x") == path
+    return path.read_text(encoding="utf-8")
+
+
+def _without_figures(estimate, path, **options):
+    ulna.report(estimate, path, figures=(), **options)
+    return path.read_text(encoding="utf-8")
+
+
+def test_needs_nothing_but_itself(page):
+    read = Page(page)
+    assert "script" not in read.tags and "link" not in read.tags
+    assert all(link.startswith("data:image/svg+xml;base64,") for link in read.links)
+    style = page[page.index("<style>") : page.index("</style>")]
+    assert "url(" not in style and "@import" not in style
+
+
+def test_figures_are_whole_and_described(page):
+    images = Page(page).images
+    assert len(images) == 7
+    for image in images:
+        assert len(image["alt"]) > 30
+        svg = ElementTree.fromstring(base64.b64decode(image["src"].split(",", 1)[1]))
+        assert svg.tag == "{http://www.w3.org/2000/svg}svg"
+
+
+def test_the_answer_comes_first(arm, page):
+    text = Page(page).text
+    places = [
+        text.index(arm.passivity().verdict.capitalize()),
+        text.index("Parameters"),
+        text.index("What would change it"),
+        text.index("Figures"),
+        text.index("How it was done"),
+    ]
+    assert places == sorted(places)
+
+
+def test_numbers_are_those_of_the_estimate(arm, page):
+    text = Page(page).text
+    for name in ("M", "B", "K"):
+        low, high = arm.interval(name)
+        for i in range(2):
+            for j in range(2):
+                spread = getattr(arm, name + "_se")[i, j]
+                shown = number(getattr(arm, name)[i, j], spread)
+                interval = f"{number(low[i, j], spread)} to {number(high[i, j], spread)}"
+                row = f"{shown} {number(spread, spread)} {interval}"
+                # Cells of a row follow each other without blanks once tags are gone.
+                assert row.replace(" ", "") in text.replace(" ", "")
+
+
+def test_every_warning_is_in_it(arm, page):
+    text = Page(page).text
+    for sentence in arm.warnings:
+        assert " ".join(sentence.split()) in text
+
+
+def test_names_cannot_break_the_page(arm, tmp_path):
+    text = _without_figures(
+        Altered(arm, warnings=("a < b & c",)), tmp_path / "a.html",
+        source='<script>alert("x")</script>.csv', title="A & B <i>",
+    )  # fmt: skip
+    read = Page(text)
+    assert "script" not in read.tags and read.tags.count("i") == text.count('<i class="q">')
+    assert '<script>alert("x")</script>.csv' in read.text and "a < b & c" in read.text
+
+
+@pytest.mark.parametrize(
+    "verdict, word, colour",
+    [("passive", "Passive", "good"), ("not passive", "Not passive", "bad"),
+     ("undecided", "Undecided", "open")],
+)  # fmt: skip
+def test_each_verdict_has_its_word(arm, tmp_path, verdict, word, colour):
+    altered = Altered(arm.passivity(), verdict=verdict)
+    estimate = Altered(arm, outcome="good", passivity=lambda: altered)
+    text = _without_figures(estimate, tmp_path / "v.html")
+    assert f'<section class="verdict {colour}"><p class="word">{word}</p>' in text
+
+
+def test_an_outcome_that_is_not_good_is_said_at_the_top(arm, tmp_path):
+    text = _without_figures(Altered(arm, outcome="poor_fit"), tmp_path / "o.html")
+    top = text[: text.index("<h2>Parameters")]
+    assert "A second-order model does not describe this recording well" in top
+    text = _without_figures(Altered(arm, outcome="something_new"), tmp_path / "n.html")
+    assert "something new" in text
+
+
+def test_missing_numbers_are_dashes_not_nan(arm, tmp_path):
+    nothing = np.full(2, np.nan)
+    estimate = Altered(
+        arm, x0=nothing, x0_se=nothing,
+        interval=lambda name: (nothing, nothing) if name == "x0" else arm.interval(name),
+    )  # fmt: skip
+    words = Page(_without_figures(estimate, tmp_path / "d.html")).text
+    assert not re.search(r"\bnan\b", words, re.IGNORECASE) and "–" in words
+
+
+def test_direction_of_a_round_ellipse_is_undefined(arm, tmp_path):
+    shapes = dict(arm.ellipses())
+    shapes["K"] = Altered(shapes["K"], angle_defined=False)
+    text = _without_figures(Altered(arm, ellipses=lambda: shapes), tmp_path / "r.html")
+    assert "<td>undefined</td>" in text
+
+
+def test_one_axis(tmp_path):
+    path = ROOT.parent / "shared" / "data" / "ankle" / "ankle-b.csv"
+    if not path.exists():
+        pytest.skip(f"{path} is not there")
+    estimate = ulna.identify_impedance(ulna.read(path), lowpass_hz=50.0, train_s=40.0)
+    read = Page(_without_figures(estimate, tmp_path / "ankle.html"))
+    assert "N m/rad" in read.text and "kg m²" in read.text and "Ellipses" not in read.text
+
+
+@pytest.mark.parametrize(
+    "value, spread, shown",
+    [(41.234, 9.7, "41.2"), (-0.93, 0.1, "−0.93"), (125.43, 13.0, "125"), (-0.001, 2.0, "0.0"),
+     (float("nan"), 1.0, "–"), (0.015712, 0.00021, "0.01571")],
+)  # fmt: skip
+def test_numbers_show_two_figures_of_their_uncertainty(value, spread, shown):
+    assert number(value, spread) == shown
+
+
+def test_number_words():
+    assert [digits_after_point(s) for s in (0.1, 0.099, 1.0, 10.0, float("nan"))] == [2, 3, 1, 0, 3]
+    assert percent(0.9871) == "99 %" and percent(0.995) == "99.5 %"
+    assert percent(1.0) == "above 99.9 %" and percent(0.0) == "below 0.1 %"
+    assert percent(float("nan")) == "unknown"
+    assert value_and_interval(4.9244, (3.1, 6.75)) == "4.92 [3.10, 6.75]"
+    assert value_and_interval(-2.0, None) == "−2"
