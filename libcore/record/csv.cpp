@@ -19,8 +19,8 @@ namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
-// Rows as they are read, in blocks: nothing is ever copied to grow, and a block is given back as soon
-// as it has been turned into columns, so the peak is one copy of the numbers.
+// Rows as they are read, in blocks: nothing is ever copied to grow, and a block is given back as
+// soon as it has been turned into columns, so the peak is one copy of the numbers.
 class Rows {
  public:
   explicit Rows(std::size_t width)
@@ -112,7 +112,9 @@ bool parse_fast(std::string_view line, char delimiter, std::size_t width, double
                 bool& last_empty) noexcept {
   const char* at = line.data();
   const char* end = at + line.size();
-  const auto is_blank = [delimiter](char c) { return c == ' ' || (c == '\t' && delimiter != '\t'); };
+  const auto is_blank = [delimiter](char c) {
+    return c == ' ' || (c == '\t' && delimiter != '\t');
+  };
   for (std::size_t i = 0; i < width; ++i) {
     while (at < end && is_blank(*at)) ++at;
     last_empty = at == end || *at == delimiter;
@@ -230,8 +232,8 @@ class CsvReader {
     if (!parse_fast(plain, layout_.delimiter, width_, out, outcome.last_empty)) {
       outcome = parse_careful(text, layout_, width_, out);
     }
-    // A file cut off in the middle of a line ends without an end of line; a cell cut to nothing or to
-    // "1.2e" is the same thing.
+    // A file cut off in the middle of a line ends without an end of line; a cell cut to nothing or
+    // to "1.2e" is the same thing.
     const bool cut = !terminated && width_ > 1 &&
                      (outcome.parse == Parse::kFewer || outcome.parse == Parse::kText ||
                       (outcome.parse == Parse::kRow && outcome.last_empty && !ends_often_empty_));
@@ -253,8 +255,9 @@ class CsvReader {
     if (outcome.parse == Parse::kText) {
       const std::string cell = split_cells(text, layout_.delimiter)[outcome.bad];
       throw Error(Fault::kFormat, "path",
-                  where + ", column \"" + layout_.columns[outcome.bad].heading + "\" holds the text " +
-                      shown(cell) + " where a number is expected: correct it or leave the cell empty",
+                  where + ", column \"" + layout_.columns[outcome.bad].heading +
+                      "\" holds the text " + shown(cell) +
+                      " where a number is expected: correct it or leave the cell empty",
                   detail + ", column " + layout_.columns[outcome.bad].heading);
     }
     throw Error(Fault::kFormat, "path",
@@ -269,12 +272,14 @@ class CsvReader {
       if (!bad && (i == 0 || time[i] > time[i - 1])) continue;
       const auto row = static_cast<Index>(i);
       std::ostringstream text;
-      text << "line " << line_numbers_.line_of(row) + 1 << ": the time (column \"" << column << "\") ";
+      text << "line " << line_numbers_.line_of(row) + 1 << ": the time (column \"" << column
+           << "\") ";
       text.precision(15);
       if (bad) {
         text << "is no number: remove that line";
       } else {
-        text << (time[i] == time[i - 1] ? "repeats" : "goes back from ") << (time[i] == time[i - 1] ? " " : "");
+        text << (time[i] == time[i - 1] ? "repeats" : "goes back from ")
+             << (time[i] == time[i - 1] ? " " : "");
         text << time[i - 1] << " s";
         if (time[i] != time[i - 1]) text << " to " << time[i] << " s";
         text << ": put every trial into its own file, or give rate_hz when the clock is even";
@@ -286,16 +291,21 @@ class CsvReader {
   std::string provenance(const Mapping& mapping, const Record::Parts& parts) const {
     const auto word = [](char c) -> std::string {
       switch (c) {
-        case '\t': return "tab";
-        case ' ': return "blanks";
-        case ';': return "semicolon";
-        case '|': return "bar";
-        default: return "comma";
+        case '\t':
+          return "tab";
+        case ' ':
+          return "blanks";
+        case ';':
+          return "semicolon";
+        case '|':
+          return "bar";
+        default:
+          return "comma";
       }
     };
     std::string text = "read " + name_ + ": " + std::to_string(parts.values.rows()) + " rows, " +
-                       std::to_string(parts.values.cols()) + " channels, " + word(layout_.delimiter) +
-                       " separated";
+                       std::to_string(parts.values.cols()) + " channels, " +
+                       word(layout_.delimiter) + " separated";
     if (layout_.decimal == ',') text += ", decimal comma";
     if (mapping.time >= 0) {
       text += ", time from " + layout_.columns[static_cast<std::size_t>(mapping.time)].heading;
@@ -338,9 +348,10 @@ class CsvReader {
       if (parts.rate_hz == 0.0) parts.rate_hz = notes.rate_hz;
     }
     if (layout_.skipped > 0) {
-      findings_.push_back({Severity::kNote, "skipped", "", 0, layout_.skipped,
-                           std::to_string(layout_.skipped) +
-                               " lines before the heading are no part of the table and were passed over"});
+      findings_.push_back(
+          {Severity::kNote, "skipped", "", 0, layout_.skipped,
+           std::to_string(layout_.skipped) +
+               " lines before the heading are no part of the table and were passed over"});
     }
     Record record = Record::make(std::move(parts));
     findings_.insert(findings_.end(), mapping.findings.begin(), mapping.findings.end());
@@ -374,7 +385,8 @@ void check_options(const CsvOptions& options) {
           "rate_hz must be positive, or 0 for a time column");
 }
 
-ReadResult read(LineReader& lines, const CsvOptions& options, const std::string& name, Token* token) {
+ReadResult read(LineReader& lines, const CsvOptions& options, const std::string& name,
+                Token* token) {
   step(token, 0.0);
   return CsvReader(lines, options, name, token).run();
 }
@@ -389,7 +401,8 @@ ReadResult read_csv(const std::string& path, const CsvOptions& options, Token* t
   return read(lines, options, name, token);
 }
 
-ReadResult read_csv_memory(const char* data, std::size_t size, const CsvOptions& options, Token* token) {
+ReadResult read_csv_memory(const char* data, std::size_t size, const CsvOptions& options,
+                           Token* token) {
   check_options(options);
   LineReader lines(data, size);
   return read(lines, options, options.name.empty() ? "a text in memory" : options.name, token);

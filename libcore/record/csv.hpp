@@ -1,5 +1,5 @@
-// Text tables (CSV, TSV, TXT) to records and back. Reading streams: beside the parsed doubles it holds
-// one buffer of 1 MiB, so a file larger than memory's third is no trouble.
+// Text tables (CSV, TSV, TXT) to records and back. Reading streams: beside the parsed doubles it
+// holds one buffer of 1 MiB, so a file larger than memory's third is no trouble.
 #pragma once
 
 #include <cstddef>
@@ -20,7 +20,7 @@ struct CsvOptions {
   Index skip_rows = 0;  // lines to pass over before anything else
   Header header = Header::kDetect;
   MappingRules map;
-  std::string name;     // of the source, for provenance and messages; "": the file's name
+  std::string name;  // of the source, for provenance and messages; "": the file's name
 };
 
 // How the text was understood, so that a map can say it again.
@@ -39,12 +39,19 @@ struct ReadResult {
   Source source;
 };
 
-// Refuses, with one sentence: files that are empty, binary, without data, with ragged rows, text in a
-// cell of numbers, duplicate columns, no clock, or time stamps that repeat or decrease. An incomplete
-// last line without an end of line is left out with a warning. Empty and NaN cells become NaN.
-ReadResult read_csv(const std::string& path, const CsvOptions& options = {}, Token* token = nullptr);
+// Refuses, with one sentence: files that are empty, binary, without data, with ragged rows, text in
+// a cell of numbers, duplicate columns, no clock, or time stamps that repeat or decrease. An
+// incomplete last line without an end of line is left out with a warning. Empty and NaN cells
+// become NaN.
+ReadResult read_csv(const std::string& path, const CsvOptions& options = {},
+                    Token* token = nullptr);
 ReadResult read_csv_memory(const char* data, std::size_t size, const CsvOptions& options = {},
                            Token* token = nullptr);
+
+// Columns that another reader has found (MATLAB, NPZ, HDF5), through the same mapping and checks.
+// headings: one a column of values, with or without units, as in a text table.
+ReadResult from_columns(MatrixRef values, const std::vector<std::string>& headings,
+                        const CsvOptions& options = {}, Token* token = nullptr);
 
 // Shortest texts that read back to the same bits; roles, frames, trials, segments and provenance go
 // into comment lines that read_csv understands.

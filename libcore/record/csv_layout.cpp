@@ -39,7 +39,9 @@ void refuse_binary(std::string_view head) {
   std::size_t odd = 0;
   for (std::size_t i = 0; i < head.size(); ++i) {
     const auto c = static_cast<unsigned char>(head[i]);
-    if (c == 0) refuse("the file is binary (a zero byte at offset " + std::to_string(i) + "), not a text table");
+    if (c == 0)
+      refuse("the file is binary (a zero byte at offset " + std::to_string(i) +
+             "), not a text table");
     odd += c < 0x20u && (c < 0x09u || c > 0x0du) ? 1u : 0u;
   }
   if (odd * 50 > head.size()) refuse("the file is binary, not a text table");
@@ -65,7 +67,8 @@ bool has_number(const std::vector<std::string>& cells, char decimal) {
 // A line of data: numbers and blanks only, at least one number.
 bool is_data(const std::vector<std::string>& cells, char decimal) {
   return has_number(cells, decimal) &&
-         std::all_of(cells.begin(), cells.end(), [&](const std::string& c) { return numeric(c, decimal); });
+         std::all_of(cells.begin(), cells.end(),
+                     [&](const std::string& c) { return numeric(c, decimal); });
 }
 
 struct Dialect {
@@ -172,7 +175,7 @@ std::string unbracketed(const std::string& cell) {
 
 void name_columns(Layout& layout, const std::vector<std::string>* names, std::size_t width) {
   for (std::size_t i = 0; i < width; ++i) {
-    const std::string number = "c" + std::to_string(i + 1);
+    const std::string number = std::string("c").append(std::to_string(i + 1));
     if (names == nullptr || (*names)[i].empty()) {
       layout.columns.push_back({number, number, {}});
       continue;
@@ -232,7 +235,8 @@ std::vector<std::string> split_cells(std::string_view line, char delimiter) {
       }
     }
     const std::size_t begin = at;
-    while (at < line.size() && line[at] != delimiter && !(delimiter == ' ' && line[at] == '\t')) ++at;
+    while (at < line.size() && line[at] != delimiter && !(delimiter == ' ' && line[at] == '\t'))
+      ++at;
     cell += trimmed(line.substr(begin, at - begin));
     cells.push_back(std::move(cell));
     if (at >= line.size()) return cells;
@@ -258,7 +262,8 @@ bool parse_cell(std::string_view cell, char decimal, double& value) noexcept {
     const std::size_t comma = cell.find(',');
     if (comma != std::string_view::npos) {
       const std::size_t size = static_cast<std::size_t>(end - begin);
-      const bool digit = comma + 1 < cell.size() && cell[comma + 1] >= '0' && cell[comma + 1] <= '9';
+      const bool digit =
+          comma + 1 < cell.size() && cell[comma + 1] >= '0' && cell[comma + 1] <= '9';
       if (size > sizeof copy || !digit) return false;
       std::copy(begin, end, copy);
       copy[static_cast<std::size_t>(cell.data() + comma - begin)] = '.';
@@ -281,8 +286,8 @@ bool parse_cell(std::string_view cell, char decimal, double& value) noexcept {
     value = 0.0;
     return small;
   }
-  for (const std::string_view nothing : {"-", "--", "NA", "N/A", "n/a", "#N/A", "null", "NULL", "None",
-                                         "1.#QNAN", "-1.#IND", "NaN.0"}) {
+  for (const std::string_view nothing : {"-", "--", "NA", "N/A", "n/a", "#N/A", "null", "NULL",
+                                         "None", "1.#QNAN", "-1.#IND", "NaN.0"}) {
     if (cell == nothing) {
       value = kNan;
       return true;
@@ -340,15 +345,17 @@ Layout find_layout(std::string_view head, bool all, const CsvOptions& options) {
   // A heading with half of its cells numbers is a row of data with text in it.
   if (options.header == Header::kAbsent && first > 0) {
     refuse("line " + std::to_string(lines[0].number + 1) +
-               " holds text, but the file is said to have no heading: skip that line or allow a heading",
+               " holds text, but the file is said to have no heading: skip that line or allow a "
+               "heading",
            "line " + std::to_string(lines[0].number + 1));
   }
   if (first == rows.size()) {
-    if (rows[0].size() == 1 && rows.size() > 1) refuse_foreign_delimiter(lines[0].text, layout.delimiter);
+    if (rows[0].size() == 1 && rows.size() > 1)
+      refuse_foreign_delimiter(lines[0].text, layout.delimiter);
     if (rows.size() > 1 && !is_units_row(rows[1])) {
       const std::size_t last = rows.size() - 1;
-      refuse("no row of numbers was found: line " + std::to_string(lines[last].number + 1) + " is " +
-                 quoted(lines[last].text) + "; check delimiter and decimal sign",
+      refuse("no row of numbers was found: line " + std::to_string(lines[last].number + 1) +
+                 " is " + quoted(lines[last].text) + "; check delimiter and decimal sign",
              "line " + std::to_string(lines[last].number + 1));
     }
     refuse_no_data(true, lines[0].text);
@@ -359,9 +366,10 @@ Layout find_layout(std::string_view head, bool all, const CsvOptions& options) {
 
   std::size_t width = rows[first].size();
   // A delimiter at the end of every line makes no column.
-  const bool trailing = width > 1 && rows[first].back().empty() && layout.delimiter != ' ' &&
-                        std::all_of(rows.begin() + static_cast<std::ptrdiff_t>(first), rows.end(),
-                                    [&](const auto& row) { return row.size() != width || row.back().empty(); });
+  const bool trailing =
+      width > 1 && rows[first].back().empty() && layout.delimiter != ' ' &&
+      std::all_of(rows.begin() + static_cast<std::ptrdiff_t>(first), rows.end(),
+                  [&](const auto& row) { return row.size() != width || row.back().empty(); });
   layout.first_data_line = lines[first].number;
 
   const std::vector<std::string>* names = nullptr;
@@ -387,17 +395,24 @@ Layout find_layout(std::string_view head, bool all, const CsvOptions& options) {
   }
   if (trailing && (names == nullptr || names->size() < width || names->back().empty())) --width;
   if (width > kMostColumns) {
-    refuse("the table has " + std::to_string(width) + " columns, more than " + std::to_string(kMostColumns) +
-           ": check the delimiter");
+    refuse("the table has " + std::to_string(width) + " columns, more than " +
+           std::to_string(kMostColumns) + ": check the delimiter");
   }
   if (names != nullptr) {
-    const std::string where = "line " + std::to_string(lines[std::min(heading, lines.size() - 1)].number + 1);
+    const std::string where =
+        "line " + std::to_string(lines[std::min(heading, lines.size() - 1)].number + 1);
     std::size_t count = names->size();
     while (count > width && (*names)[count - 1].empty()) --count;
     if (count != width) {
-      if (count == 1) refuse_foreign_delimiter(lines[heading].text, layout.delimiter);
-      refuse("the heading (" + where + ") has " + std::to_string(count) + " names, but the rows have " +
-                 std::to_string(width) + " cells: name every column, or set the delimiter",
+      if (count == 1 && lines[heading].text.find_first_of(",;\t|") != std::string_view::npos) {
+        refuse("the heading " + quoted(lines[heading].text) +
+                   " is separated by another sign than the rows below it: use one delimiter "
+                   "throughout",
+               where);
+      }
+      refuse("the heading (" + where + ") has " + std::to_string(count) +
+                 " names, but the rows have " + std::to_string(width) +
+                 " cells: name every column, or set the delimiter",
              where);
     }
     std::size_t numbers = 0;

@@ -1,4 +1,5 @@
-// What kind of table a text is, found from its beginning: delimiter, decimal sign, comments, heading.
+// What kind of table a text is, found from its beginning: delimiter, decimal sign, comments,
+// heading.
 #pragma once
 
 #include <string>

@@ -22,7 +22,8 @@ LineReader::LineReader(const std::string& path) {
   file_.reset(std::fopen(path.c_str(), "rb"));
   if (file_ == nullptr) {
     throw Error(Fault::kFile, "path",
-                "\"" + path + "\" cannot be opened: " + std::generic_category().message(errno), path);
+                "\"" + path + "\" cannot be opened: " + std::generic_category().message(errno),
+                path);
   }
   const std::uintmax_t size = std::filesystem::file_size(path, ignored);
   total_ = ignored ? 0 : static_cast<std::uint64_t>(size);
@@ -55,7 +56,8 @@ bool LineReader::refill() {
   }
   const std::size_t got = std::fread(buffer_.data() + left, 1, buffer_.size() - left, file_.get());
   if (got < buffer_.size() - left) {
-    if (std::ferror(file_.get()) != 0) throw Error(Fault::kFile, "path", "the file cannot be read to its end");
+    if (std::ferror(file_.get()) != 0)
+      throw Error(Fault::kFile, "path", "the file cannot be read to its end");
     at_end_ = true;
   }
   start_ = begin_ = at_ = buffer_.data();

@@ -21,13 +21,17 @@ class LineReader {
   LineReader(const char* data, std::size_t size);
 
   // The beginning of the text, at most 1 MiB; to be asked before the first next().
-  std::string_view head() const noexcept { return {begin_, static_cast<std::size_t>(end_ - begin_)}; }
+  std::string_view head() const noexcept {
+    return {begin_, static_cast<std::size_t>(end_ - begin_)};
+  }
   bool head_is_all() const noexcept { return file_ == nullptr || at_end_; }
 
   void use_end(char end) noexcept { end_of_line_ = end; }
   bool next(Line& line);
 
-  std::uint64_t consumed() const noexcept { return before_ + static_cast<std::uint64_t>(at_ - start_); }
+  std::uint64_t consumed() const noexcept {
+    return before_ + static_cast<std::uint64_t>(at_ - start_);
+  }
   double progress() const noexcept;
 
  private:

@@ -32,7 +32,8 @@ int hex_value(char c) {
 std::string unescaped(std::string_view text) {
   std::string out;
   for (std::size_t i = 0; i < text.size(); ++i) {
-    if (text[i] == '%' && i + 2 < text.size() && hex_value(text[i + 1]) >= 0 && hex_value(text[i + 2]) >= 0) {
+    if (text[i] == '%' && i + 2 < text.size() && hex_value(text[i + 1]) >= 0 &&
+        hex_value(text[i + 2]) >= 0) {
       out += static_cast<char>(16 * hex_value(text[i + 1]) + hex_value(text[i + 2]));
       i += 2;
     } else {
@@ -123,9 +124,10 @@ std::string format_notes(const Record& record) {
   std::string out = "#ulna rate_hz " + std::string(number, result.ptr) + "\n";
   for (std::size_t i = 0; i < record.channels().size(); ++i) {
     const Channel& c = record.channels()[i];
-    out += "#ulna channel " + std::to_string(i + 1) + " " + std::to_string(static_cast<int>(c.role)) + " " +
-           std::to_string(c.axis) + " " + std::to_string(c.sign) + " " + escaped(c.frame) + ";" +
-           escaped(c.source_name) + ";" + escaped(c.source_unit) + "\n";
+    out += "#ulna channel " + std::to_string(i + 1) + " " +
+           std::to_string(static_cast<int>(c.role)) + " " + std::to_string(c.axis) + " " +
+           std::to_string(c.sign) + " " + escaped(c.frame) + ";" + escaped(c.source_name) + ";" +
+           escaped(c.source_unit) + "\n";
   }
   for (const Trial& t : record.trials()) {
     out += "#ulna trial " + std::to_string(t.begin) + " " + std::to_string(t.end) + "\n";
@@ -134,7 +136,8 @@ std::string format_notes(const Record& record) {
     out += "#ulna segment " + std::to_string(s.begin) + " " + std::to_string(s.end) + " " +
            std::to_string(s.trial) + "\n";
   }
-  for (const std::string& line : record.provenance()) out += "#ulna provenance " + escaped(line) + "\n";
+  for (const std::string& line : record.provenance())
+    out += "#ulna provenance " + escaped(line) + "\n";
   return out;
 }
 
@@ -150,9 +153,10 @@ void apply_notes(const Notes& notes, const std::vector<Column>& columns, Mapping
   for (std::size_t i = 0; i < notes.channels.size(); ++i) {
     const Notes::ChannelNote& note = notes.channels[i];
     if (note.column != i + 1) {
-      throw Error(Fault::kFormat, "path",
-                  "the #ulna comments number the columns wrongly: remove the #ulna lines to read the "
-                  "table without them");
+      throw Error(
+          Fault::kFormat, "path",
+          "the #ulna comments number the columns wrongly: remove the #ulna lines to read the "
+          "table without them");
     }
     Channel channel = note.channel;
     channel.name = columns[note.column].stem;

@@ -1,9 +1,7 @@
 // The comment lines by which a text table written by write_csv carries what columns cannot say.
 //   #ulna rate_hz <number>
-//   #ulna channel <column> <role> <axis> <sign> <frame>;<source name>;<source unit>  (; , % escaped)
-//   #ulna trial <begin> <end>
-//   #ulna segment <begin> <end> <trial>
-//   #ulna provenance <text>
+//   #ulna channel <column> <role> <axis> <sign> <frame>;<source name>;<source unit>  (; , %
+//   escaped) #ulna trial <begin> <end> #ulna segment <begin> <end> <trial> #ulna provenance <text>
 #pragma once
 
 #include <string>

@@ -42,11 +42,12 @@ void write_csv(const Record& record, const std::string& path, Token* token) {
   std::unique_ptr<std::FILE, Close> file(std::fopen(path.c_str(), "wb"));
   const auto refuse = [&](int code) {
     throw Error(Fault::kFile, "path",
-                "\"" + path + "\" cannot be written: " + std::generic_category().message(code), path);
+                "\"" + path + "\" cannot be written: " + std::generic_category().message(code),
+                path);
   };
   if (file == nullptr) refuse(errno);
   std::string out = format_notes(record) + "time [s]";
-  for (const Channel& channel : record.channels()) out += "," + heading(channel);
+  for (const Channel& channel : record.channels()) out.append(",").append(heading(channel));
   out += "\n";
   const Matrix& values = record.values();
   for (Index i = 0; i < record.rows(); ++i) {

@@ -8,11 +8,12 @@
 namespace ulna {
 namespace {
 
-constexpr Index kFewRows = 100;        // below, no window of a smoother and no interval means anything
-constexpr double kGap = 1.5;           // of the median step: one sample is missing
-constexpr double kJitter = 0.01;       // of the median step
-constexpr double kClippedJump = 2.5;   // quanta; a slow quantised signal enters its turning point by one
-constexpr std::size_t kFewLevels = 16; // a switch or a staircase sits on its extremes by right
+constexpr Index kFewRows = 100;   // below, no window of a smoother and no interval means anything
+constexpr double kGap = 1.5;      // of the median step: one sample is missing
+constexpr double kJitter = 0.01;  // of the median step
+constexpr double kClippedJump =
+    2.5;  // quanta; a slow quantised signal enters its turning point by one
+constexpr std::size_t kFewLevels = 16;  // a switch or a staircase sits on its extremes by right
 
 std::string text_of(double value) {
   std::ostringstream out;
@@ -28,7 +29,8 @@ class Looker {
   std::vector<Finding> run() {
     look_at_clock();
     for (Index c = 0; c < record_.channel_count(); ++c) {
-      step(token_, 0.9 + 0.1 * static_cast<double>(c) / static_cast<double>(record_.channel_count()));
+      step(token_,
+           0.9 + 0.1 * static_cast<double>(c) / static_cast<double>(record_.channel_count()));
       look_at_channel(c);
     }
     return std::move(out_);
@@ -83,13 +85,15 @@ class Looker {
     }
     if (gaps > 0) {
       add(Severity::kError, "gap", "", first_gap, gaps,
-          std::to_string(gaps) + (gaps == 1 ? " gap" : " gaps") + " in the clock, the first before row " +
-              std::to_string(first_gap) + " (" + text_of(time(first_gap)) + " s), the longest " +
-              text_of(longest) + " s: split the record there");
+          std::to_string(gaps) + (gaps == 1 ? " gap" : " gaps") +
+              " in the clock, the first before row " + std::to_string(first_gap) + " (" +
+              text_of(time(first_gap)) + " s), the longest " + text_of(longest) +
+              " s: split the record there");
     }
     if (largest > kJitter) {
       add(Severity::kWarning, "jitter", "", worst, counted,
-          "the time stamps jitter by " + text_of(100.0 * std::sqrt(squares / static_cast<double>(counted))) +
+          "the time stamps jitter by " +
+              text_of(100.0 * std::sqrt(squares / static_cast<double>(counted))) +
               " % rms of a step, at most " + text_of(100.0 * largest) + " % at row " +
               std::to_string(worst) + ": regularise the record before a filter is used");
     }
@@ -117,7 +121,8 @@ class Looker {
     if (missing > 0) {
       add(used ? Severity::kError : Severity::kNote, "nan", channel.name, first_missing, missing,
           name + " has " + std::to_string(missing) + " missing values in " + std::to_string(runs) +
-              (runs == 1 ? " run" : " runs") + ", the first at row " + std::to_string(first_missing) +
+              (runs == 1 ? " run" : " runs") + ", the first at row " +
+              std::to_string(first_missing) +
               (used ? ": split the record there" : ": mind them when you use it"));
     }
     if (finite == 0) return;
@@ -139,7 +144,7 @@ class Looker {
           name + " is zero throughout: check that the sensor was connected and recorded");
       return;
     }
-    const Severity severity = needed                           ? Severity::kError
+    const Severity severity = needed                             ? Severity::kError
                               : channel.role == Role::kReference ? Severity::kWarning
                                                                  : Severity::kNote;
     add(severity, "constant", channel.name, 0, record_.rows(),
@@ -161,15 +166,16 @@ class Looker {
   bool few_levels(const double* y) const {
     std::vector<double> levels;
     for (Index i = 0; i < record_.rows(); ++i) {
-      if (!std::isfinite(y[i]) || std::find(levels.begin(), levels.end(), y[i]) != levels.end()) continue;
+      if (!std::isfinite(y[i]) || std::find(levels.begin(), levels.end(), y[i]) != levels.end())
+        continue;
       levels.push_back(y[i]);
       if (levels.size() > kFewLevels) return false;
     }
     return true;
   }
 
-  void look_for_clipping(const Channel& channel, const std::string& name, const double* y, double low,
-                         double high, double quantum) {
+  void look_for_clipping(const Channel& channel, const std::string& name, const double* y,
+                         double low, double high, double quantum) {
     Index runs = 0, longest = 0, total = 0, first = -1;
     for (const Trial& trial : record_.trials()) {
       for (Index i = trial.begin; i < trial.end;) {
@@ -200,8 +206,8 @@ class Looker {
             std::to_string(first) + ": the sensor was probably saturated; leave those parts out");
   }
 
-  void look_at_quanta(const Channel& channel, const std::string& name, const double* y, double quantum,
-                      double range) {
+  void look_at_quanta(const Channel& channel, const std::string& name, const double* y,
+                      double quantum, double range) {
     if (!(quantum > 0.002 * range)) return;
     for (Index i = 1; i < record_.rows(); ++i) {
       const double ratio = (y[i] - y[i - 1]) / quantum;
@@ -248,6 +254,8 @@ class Looker {
 
 }  // namespace
 
-std::vector<Finding> look(const Record& record, Token* token) { return Looker(record, token).run(); }
+std::vector<Finding> look(const Record& record, Token* token) {
+  return Looker(record, token).run();
+}
 
 }  // namespace ulna

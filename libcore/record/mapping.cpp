@@ -55,9 +55,9 @@ Words words_of(std::string_view stem) {
   }
   Words out;
   for (const std::string& w : words) {
-    static constexpr std::string_view kHeads[] = {"position", "pos",   "force", "torque", "tau",
-                                                  "moment",   "angle", "theta", "hand",   "f",
-                                                  "m",        "q"};
+    static constexpr std::string_view kHeads[] = {"position", "pos",    "force", "torque",
+                                                  "tau",      "moment", "angle", "theta",
+                                                  "hand",     "f",      "m",     "q"};
     bool done = false;
     for (const std::string_view head : kHeads) {
       if (w.size() <= head.size() || w.substr(0, head.size()) != head) continue;
@@ -146,13 +146,14 @@ Guess guess_position(Words words, const std::string& unit, std::string_view stem
 Guess guess_force(Words words, const std::string& unit, std::string_view stem) {
   Guess guess;
   std::string axis;
-  const bool torque_word = take_any(words, {"torque", "tau", "moment", "trq"}) ||
-                           ((stem.front() == 'M' || is_unit_of(unit, {"Nm"})) &&
-                            take_any(words, {"m"}));
+  const bool torque_word =
+      take_any(words, {"torque", "tau", "moment", "trq"}) ||
+      ((stem.front() == 'M' || is_unit_of(unit, {"Nm"})) && take_any(words, {"m"}));
   const bool force_word = !torque_word && take_any(words, {"f", "force", "forces"});
   if (!torque_word && !force_word) return guess;
   const int rank = take_axis(words, axis);
-  take_any(words, {"hand", "endpoint", "ee", "tcp", "handle", "sensor", "interaction", "arm", "human"});
+  take_any(words,
+           {"hand", "endpoint", "ee", "tcp", "handle", "sensor", "interaction", "arm", "human"});
   take_any(words, {"h", "ext", "meas", "measured", "raw", "ft", "int", "actual"});
   if (words.size() == 1 && torque_word && rank < 0) {  // torque_ankle
     axis = words[0];
@@ -175,21 +176,23 @@ Guess guess_of(const std::string& stem, const std::string& unit) {
   Words words = words_of(stem);
   Guess guess;
   if (words.empty()) return guess;
-  if (words.size() <= 2 && among(words[0], {"t", "time", "timestamp", "timestamps", "zeit", "clock"}) &&
+  if (words.size() <= 2 &&
+      among(words[0], {"t", "time", "timestamp", "timestamps", "zeit", "clock"}) &&
       (words.size() == 1 || among(words[1], {"stamp", "sec", "seconds", "axis"})) &&
       (unit.empty() || is_unit_of(unit, {"s"}))) {
     guess.time = true;
     return guess;
   }
   for (const std::string& word : words) {
-    if (among(word, {"v", "vel", "velocity", "velocities", "speed", "dq", "ddq", "qd", "qdd", "dx",
-                     "dy", "dz", "ddx", "ddy", "ddz", "vx", "vy", "vz", "acc", "acceleration", "dot",
-                     "error", "err", "current", "emg", "std"})) {
+    if (among(word, {"v",     "vel", "velocity", "velocities", "speed", "dq",           "ddq",
+                     "qd",    "qdd", "dx",       "dy",         "dz",    "ddx",          "ddy",
+                     "ddz",   "vx",  "vy",       "vz",         "acc",   "acceleration", "dot",
+                     "error", "err", "current",  "emg",        "std"})) {
       return guess;
     }
   }
-  if (take_any(words, {"ref", "reference", "des", "desired", "cmd", "command", "commanded", "target",
-                       "setpoint"})) {
+  if (take_any(words, {"ref", "reference", "des", "desired", "cmd", "command", "commanded",
+                       "target", "setpoint"})) {
     // A commanded force is no reference of the motion; it stays what it is.
     if (guess_force(words, unit, stem).role == Role::kForce) return guess;
     return guess_position(words, unit, stem, true);
@@ -388,8 +391,10 @@ class Mapper {
         continue;
       }
       if (d.channel.role == Role::kPosition) {
-        set_aside(d, rotation ? "the torques belong to the angles" : "the forces belong to the endpoint");
-      } else if (d.channel.role == Role::kForce && rotation != d.rotation && (rotation ? torque : force)) {
+        set_aside(
+            d, rotation ? "the torques belong to the angles" : "the forces belong to the endpoint");
+      } else if (d.channel.role == Role::kForce && rotation != d.rotation &&
+                 (rotation ? torque : force)) {
         set_aside(d, rotation ? "the motion is a rotation" : "the motion is a translation");
       } else if (d.channel.role == Role::kReference) {
         set_aside(d, "its unit is not that of the motion");
@@ -404,8 +409,8 @@ class Mapper {
       // Letters and numbers are compared among themselves; a single axis needs no label.
       const bool comparable = axes.size() > 1 || *axes.begin() < 1000;
       if (dependent && comparable && d.rank != 0 && d.rank < 1000 && axes.count(d.rank) == 0 &&
-          (*axes.begin() < 10) == (d.rank < 10) && !(axes.size() == 1 && *axes.begin() == 0 &&
-          count(d.channel.role) == 1)) {
+          (*axes.begin() < 10) == (d.rank < 10) &&
+          !(axes.size() == 1 && *axes.begin() == 0 && count(d.channel.role) == 1)) {
         set_aside(d, "the motion has no such axis");
       }
     }
@@ -435,10 +440,11 @@ class Mapper {
       draft.channel = channel_of(at);
       draft.unit_text = rule.unit.empty() ? columns_[at].unit : rule.unit;
       draft.channel.source_unit = draft.unit_text;
-      const Guess guess = guess_of(rule.name.empty() ? columns_[at].stem : rule.name, draft.unit_text);
+      const Guess guess =
+          guess_of(rule.name.empty() ? columns_[at].stem : rule.name, draft.unit_text);
       draft.channel.role = rule.role.value_or(guess.role);
-      draft.rotation = guess.role != Role::kOther ? guess.rotation
-                                                  : is_unit_of(draft.unit_text, {"rad", "Nm"});
+      draft.rotation =
+          guess.role != Role::kOther ? guess.rotation : is_unit_of(draft.unit_text, {"rad", "Nm"});
       draft.rank = guess.role != Role::kOther ? guess.rank : 0;
       draft.axis_fixed = rule.axis.has_value();
       draft.channel.axis = rule.axis.value_or(0);
@@ -483,8 +489,8 @@ class Mapper {
       for (std::size_t i = 0; i < members.size(); ++i) {
         const auto at = std::find(ranks.begin(), ranks.end(), members[i]->rank);
         const bool unique = std::count(ranks.begin(), ranks.end(), members[i]->rank) == 1;
-        const auto index = at != ranks.end() && unique ? at - ranks.begin()
-                                                       : static_cast<std::ptrdiff_t>(i);
+        const auto index =
+            at != ranks.end() && unique ? at - ranks.begin() : static_cast<std::ptrdiff_t>(i);
         members[i]->channel.axis = static_cast<int>(index);
       }
     }
@@ -497,7 +503,8 @@ class Mapper {
     }
     for (Draft& d : drafts_) {
       if (d.by_rule || d.channel.role != Role::kOther) continue;
-      // "x [m]" beside "x [V]", or a rule's name that is also a column: the column keeps its heading.
+      // "x [m]" beside "x [V]", or a rule's name that is also a column: the column keeps its
+      // heading.
       if (names.count(d.channel.name) > 0) d.channel.name = d.channel.source_name;
       while (names.count(d.channel.name) > 0) d.channel.name += "_other";
       names.insert(d.channel.name);
@@ -507,9 +514,12 @@ class Mapper {
   static std::string assumed_unit(const Draft& draft) {
     switch (draft.channel.role) {
       case Role::kPosition:
-      case Role::kReference: return draft.rotation ? "rad" : "m";
-      case Role::kForce: return draft.rotation ? "Nm" : "N";
-      case Role::kOther: break;
+      case Role::kReference:
+        return draft.rotation ? "rad" : "m";
+      case Role::kForce:
+        return draft.rotation ? "Nm" : "N";
+      case Role::kOther:
+        break;
     }
     return {};
   }
@@ -533,9 +543,9 @@ class Mapper {
                     "column " + channel.source_name);
       }
       if (!unit && !text.empty()) {
-        out_.findings.push_back(finding(
-            Severity::kNote, "unit_unknown", channel.name,
-            "channel " + name + " has the unknown unit \"" + text + "\": its values are kept as they are"));
+        out_.findings.push_back(finding(Severity::kNote, "unit_unknown", channel.name,
+                                        "channel " + name + " has the unknown unit \"" + text +
+                                            "\": its values are kept as they are"));
       }
       channel.unit = unit ? unit->si : text;
       const double factor = unit ? unit->factor : 1.0;
@@ -543,10 +553,10 @@ class Mapper {
       const bool odd = (motion && !among(channel.unit, {"m", "rad", "1"})) ||
                        (channel.role == Role::kForce && !among(channel.unit, {"N", "Nm"}));
       if (odd) {
-        out_.findings.push_back(
-            finding(Severity::kWarning, "unit", channel.name,
-                    "channel " + name + " is a " + (motion ? "position" : "force") + " in \"" +
-                        channel.unit + "\": check that the columns are not swapped, or calibrate it"));
+        out_.findings.push_back(finding(
+            Severity::kWarning, "unit", channel.name,
+            "channel " + name + " is a " + (motion ? "position" : "force") + " in \"" +
+                channel.unit + "\": check that the columns are not swapped, or calibrate it"));
       }
       out_.columns.push_back(d.column);
       out_.factors.push_back(channel.sign < 0 ? -factor : factor);

@@ -1,8 +1,8 @@
 // From the columns of a file to channels: by the rules a user gives, or by the names labs use.
 //
-// Sign convention of every record: positions in the frame of the log; forces and torques are those of
-// the human on the robot (F_h). A log that holds the force of the robot on the human is turned by a
-// rule with sign = -1.
+// Sign convention of every record: positions in the frame of the log; forces and torques are those
+// of the human on the robot (F_h). A log that holds the force of the robot on the human is turned
+// by a rule with sign = -1.
 #pragma once
 
 #include <optional>
@@ -14,13 +14,13 @@
 namespace ulna {
 
 struct ChannelRule {
-  std::string source;          // column of the file, with or without its unit
-  std::string name;            // "": from the source
-  std::string unit;            // of the file, when its heading does not say or says it wrongly; "": as found
-  int sign = 1;                // +1 or -1
-  std::string frame;           // ""
-  std::optional<Role> role;    // none: from the name
-  std::optional<int> axis;     // 0-based; none: from the name, else by order
+  std::string source;  // column of the file, with or without its unit
+  std::string name;    // "": from the source
+  std::string unit;   // of the file, when its heading does not say or says it wrongly; "": as found
+  int sign = 1;       // +1 or -1
+  std::string frame;  // ""
+  std::optional<Role> role;  // none: from the name
+  std::optional<int> axis;   // 0-based; none: from the name, else by order
 };
 
 struct MappingRules {
@@ -38,10 +38,10 @@ struct Column {
 };
 
 struct Mapping {
-  Index time = -1;               // column of the clock; -1: none, rate_hz rules
-  double time_factor = 1.0;      // to seconds
-  std::vector<Index> columns;    // column of every channel
-  std::vector<double> factors;   // to SI, sign included
+  Index time = -1;              // column of the clock; -1: none, rate_hz rules
+  double time_factor = 1.0;     // to seconds
+  std::vector<Index> columns;   // column of every channel
+  std::vector<double> factors;  // to SI, sign included
   std::vector<Channel> channels;
   std::vector<Finding> findings;
 };

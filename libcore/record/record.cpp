@@ -36,6 +36,10 @@ void check_channels(const std::vector<Channel>& channels, Index columns) {
       throw Error(Fault::kArgument, "channels",
                   "the name of " + where + " holds a control character: use printable text", where);
     }
+    if (channel.name.size() > 127) {
+      throw Error(Fault::kArgument, "channels",
+                  "the name of " + where + " is longer than 127 bytes: shorten it", where);
+    }
     if (!seen.insert(channel.name).second) {
       throw Error(Fault::kArgument, "channels",
                   "two channels are named \"" + channel.name + "\": give each its own name",
@@ -105,8 +109,8 @@ void check_time(const std::vector<double>& time, const std::vector<Trial>& trial
       if (i == trial.begin) continue;
       const double before = time[static_cast<std::size_t>(i - 1)];
       if (now > before) continue;
-      const std::string how = now == before ? "repeats the time stamp before it"
-                                            : "is earlier than the row before it";
+      const std::string how =
+          now == before ? "repeats the time stamp before it" : "is earlier than the row before it";
       throw Error(Fault::kData, "time",
                   row_text(i) + " " + how + " (" + std::to_string(now) + " s after " +
                       std::to_string(before) +
@@ -198,8 +202,9 @@ Record Record::make(Parts parts) {
   }
   if (static_cast<Index>(parts.time.size()) != rows) {
     throw Error(Fault::kArgument, "time",
-                "the clock has " + std::to_string(parts.time.size()) + " stamps but the values have " +
-                    std::to_string(rows) + " rows: give one a row");
+                "the clock has " + std::to_string(parts.time.size()) +
+                    " stamps but the values have " + std::to_string(rows) +
+                    " rows: give one a row");
   }
   if (parts.trials.empty()) parts.trials.push_back({0, rows});
   check_trials(parts.trials, rows);
@@ -231,7 +236,8 @@ std::vector<Index> Record::with_role(Role role) const {
     if (channels()[i].role == role) found.push_back(static_cast<Index>(i));
   }
   std::stable_sort(found.begin(), found.end(), [&](Index a, Index b) {
-    return channels()[static_cast<std::size_t>(a)].axis < channels()[static_cast<std::size_t>(b)].axis;
+    return channels()[static_cast<std::size_t>(a)].axis <
+           channels()[static_cast<std::size_t>(b)].axis;
   });
   return found;
 }

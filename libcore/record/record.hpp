@@ -1,5 +1,6 @@
-// A recorded log and a simulated experiment are the same thing here: channels with name, unit, frame
-// and sign on one clock, in one or more trials, immutable, with a line of provenance for every step.
+// A recorded log and a simulated experiment are the same thing here: channels with name, unit,
+// frame and sign on one clock, in one or more trials, immutable, with a line of provenance for
+// every step.
 #pragma once
 
 #include <cstdint>
@@ -16,10 +17,10 @@ enum class Role : std::int32_t { kOther = 0, kPosition = 1, kForce = 2, kReferen
 
 // Values of a channel are SI and already multiplied by sign; `source_*` says what the file held.
 struct Channel {
-  std::string name;         // "x", "F_x", "x_ref"
-  std::string unit;         // SI: "m", "rad", "N", "Nm", "1", ...
-  std::string frame;        // "" when the log does not say
-  int sign = 1;             // +1 or -1, as applied to the source
+  std::string name;   // "x", "F_x", "x_ref"
+  std::string unit;   // SI: "m", "rad", "N", "Nm", "1", ...
+  std::string frame;  // "" when the log does not say
+  int sign = 1;       // +1 or -1, as applied to the source
   Role role = Role::kOther;
   int axis = 0;             // 0-based index within the role
   std::string source_name;  // column of the file
@@ -86,10 +87,12 @@ class Record {
   // Channels of a role in order of axis; empty when there is none.
   std::vector<Index> with_role(Role role) const;
 
-  // Channels that a user's word stands for, in order of axis: an exact name, else "<word>_<axis>" or
-  // "<word><axis>" ("F" for F_x and F_y), else "position", "force", "reference" for the role. "x" and
-  // "x_<more>" name the whole vector ("x" for x and y, "x_ref" for x_ref and y_ref) when the others
-  // have the same role; find() gives the single channel. Throws Error naming the channels there are.
+  // Channels that a user's word stands for, in order of axis: an exact name, else "<word>_<axis>"
+  // or
+  // "<word><axis>" ("F" for F_x and F_y), else "position", "force", "reference" for the role. "x"
+  // and "x_<more>" name the whole vector ("x" for x and y, "x_ref" for x_ref and y_ref) when the
+  // others have the same role; find() gives the single channel. Throws Error naming the channels
+  // there are.
   std::vector<Index> resolve(std::string_view word) const;
 
  private:

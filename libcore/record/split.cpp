@@ -14,8 +14,8 @@ bool row_is_complete(const Record& record, const std::vector<Index>& used, Index
 }
 
 // Segments cut to rows [begin, end) and moved to where these rows go.
-void add_segments(const Record& record, int trial, Index begin, Index end, Index offset, int new_trial,
-                  std::vector<Segment>& out) {
+void add_segments(const Record& record, int trial, Index begin, Index end, Index offset,
+                  int new_trial, std::vector<Segment>& out) {
   for (const Segment& s : record.segments()) {
     if (s.trial != trial) continue;
     const Index b = std::max(s.begin, begin), e = std::min(s.end, end);
@@ -40,7 +40,8 @@ Record gather(const Record& record, const std::vector<Piece>& pieces, const std:
   for (const Piece& p : pieces) {
     const Index size = p.end - p.begin;
     parts.values.middleRows(at, size) = record.values().middleRows(p.begin, size);
-    parts.time.insert(parts.time.end(), record.time().begin() + p.begin, record.time().begin() + p.end);
+    parts.time.insert(parts.time.end(), record.time().begin() + p.begin,
+                      record.time().begin() + p.end);
     const int number = static_cast<int>(parts.trials.size());
     parts.trials.push_back({at, at + size});
     add_segments(record, p.trial, p.begin, p.end, at - p.begin, number, parts.segments);
@@ -68,8 +69,10 @@ Record split(const Record& record, const SplitOptions& options) {
   Record::Parts parts;
   Index left_out = 0;
   const auto close = [&](Index begin, Index end) {
-    if (end - begin >= options.min_rows) parts.trials.push_back({begin, end});
-    else left_out += end - begin;
+    if (end - begin >= options.min_rows)
+      parts.trials.push_back({begin, end});
+    else
+      left_out += end - begin;
   };
   for (const Trial& trial : record.trials()) {
     Index begin = trial.begin;
@@ -97,16 +100,17 @@ Record split(const Record& record, const SplitOptions& options) {
   parts.channels = record.channels();
   parts.rate_hz = record.rate_hz();
   parts.provenance = record.provenance();
-  parts.provenance.push_back("split at gaps and missing values into " + std::to_string(parts.trials.size()) +
-                             " trials, " + std::to_string(left_out) + " rows left out");
+  parts.provenance.push_back("split at gaps and missing values into " +
+                             std::to_string(parts.trials.size()) + " trials, " +
+                             std::to_string(left_out) + " rows left out");
   return Record::make(std::move(parts));
 }
 
 Record select_rows(const Record& record, Index begin, Index end) {
   if (begin < 0 || end > record.rows() || begin >= end) {
     throw Error(Fault::kArgument, "rows",
-                "rows " + std::to_string(begin) + " to " + std::to_string(end) + " are not within the " +
-                    std::to_string(record.rows()) + " rows of the record");
+                "rows " + std::to_string(begin) + " to " + std::to_string(end) +
+                    " are not within the " + std::to_string(record.rows()) + " rows of the record");
   }
   std::vector<Piece> pieces;
   for (std::size_t i = 0; i < record.trials().size(); ++i) {
@@ -115,8 +119,9 @@ Record select_rows(const Record& record, Index begin, Index end) {
     if (e > b) pieces.push_back({b, e, static_cast<int>(i)});
   }
   if (pieces.empty()) {
-    throw Error(Fault::kArgument, "rows", "rows " + std::to_string(begin) + " to " + std::to_string(end) +
-                                              " belong to no trial of the record");
+    throw Error(Fault::kArgument, "rows",
+                "rows " + std::to_string(begin) + " to " + std::to_string(end) +
+                    " belong to no trial of the record");
   }
   return gather(record, pieces, "rows " + std::to_string(begin) + " to " + std::to_string(end));
 }
@@ -201,7 +206,8 @@ Record join(const std::vector<Record>& records) {
     for (std::size_t c = 0; same && c < first.channels().size(); ++c) {
       const Channel& a = first.channels()[c];
       const Channel& b = record.channels()[c];
-      same = a.name == b.name && a.unit == b.unit && a.frame == b.frame && a.role == b.role && a.axis == b.axis;
+      same = a.name == b.name && a.unit == b.unit && a.frame == b.frame && a.role == b.role &&
+             a.axis == b.axis;
       if (!same) differing = " (\"" + b.name + "\" against \"" + a.name + "\")";
     }
     if (!same) {
@@ -222,7 +228,8 @@ Record join(const std::vector<Record>& records) {
     for (const Segment& s : record.segments()) {
       parts.segments.push_back({s.begin + at, s.end + at, s.trial + trial});
     }
-    parts.provenance.insert(parts.provenance.end(), record.provenance().begin(), record.provenance().end());
+    parts.provenance.insert(parts.provenance.end(), record.provenance().begin(),
+                            record.provenance().end());
     at += record.rows();
   }
   if (records.size() > 1) {

@@ -18,39 +18,105 @@ constexpr double kDegree = kPi / 180.0;
 
 // Spelled after normalisation (see normalised()): no blanks, "." for products, "2" for squares.
 constexpr Entry kUnits[] = {
-    {"m", "m", 1.0}, {"mm", "m", 1e-3}, {"cm", "m", 1e-2}, {"um", "m", 1e-6}, {"in", "m", 0.0254},
-    {"rad", "rad", 1.0}, {"mrad", "rad", 1e-3}, {"deg", "rad", kDegree}, {"°", "rad", kDegree},
-    {"degree", "rad", kDegree}, {"degrees", "rad", kDegree}, {"N", "N", 1.0}, {"mN", "N", 1e-3},
-    {"kN", "N", 1e3}, {"Nm", "Nm", 1.0}, {"N.m", "Nm", 1.0}, {"mNm", "Nm", 1e-3},
-    {"mN.m", "Nm", 1e-3}, {"kNm", "Nm", 1e3}, {"Nmm", "Nm", 1e-3}, {"N.mm", "Nm", 1e-3},
-    {"Ncm", "Nm", 1e-2}, {"N.cm", "Nm", 1e-2},
-    {"s", "s", 1.0}, {"sec", "s", 1.0}, {"ms", "s", 1e-3}, {"us", "s", 1e-6}, {"ns", "s", 1e-9},
-    {"min", "s", 60.0}, {"m/s", "m/s", 1.0}, {"mm/s", "m/s", 1e-3}, {"cm/s", "m/s", 1e-2},
-    {"rad/s", "rad/s", 1.0}, {"mrad/s", "rad/s", 1e-3}, {"deg/s", "rad/s", kDegree},
-    {"°/s", "rad/s", kDegree}, {"m/s2", "m/s^2", 1.0}, {"mm/s2", "m/s^2", 1e-3},
-    {"rad/s2", "rad/s^2", 1.0}, {"deg/s2", "rad/s^2", kDegree}, {"°/s2", "rad/s^2", kDegree},
-    {"V", "V", 1.0}, {"mV", "V", 1e-3}, {"uV", "V", 1e-6}, {"A", "A", 1.0}, {"mA", "A", 1e-3},
-    {"Hz", "Hz", 1.0}, {"kHz", "Hz", 1e3}, {"kg", "kg", 1.0}, {"W", "W", 1.0}, {"J", "J", 1.0},
-    {"1", "1", 1.0}, {"-", "1", 1.0}, {"%", "1", 1e-2},
+    {"m", "m", 1.0},
+    {"mm", "m", 1e-3},
+    {"cm", "m", 1e-2},
+    {"um", "m", 1e-6},
+    {"in", "m", 0.0254},
+    {"rad", "rad", 1.0},
+    {"mrad", "rad", 1e-3},
+    {"deg", "rad", kDegree},
+    {"°", "rad", kDegree},
+    {"degree", "rad", kDegree},
+    {"degrees", "rad", kDegree},
+    {"N", "N", 1.0},
+    {"mN", "N", 1e-3},
+    {"kN", "N", 1e3},
+    {"Nm", "Nm", 1.0},
+    {"N.m", "Nm", 1.0},
+    {"mNm", "Nm", 1e-3},
+    {"mN.m", "Nm", 1e-3},
+    {"kNm", "Nm", 1e3},
+    {"Nmm", "Nm", 1e-3},
+    {"N.mm", "Nm", 1e-3},
+    {"Ncm", "Nm", 1e-2},
+    {"N.cm", "Nm", 1e-2},
+    {"s", "s", 1.0},
+    {"sec", "s", 1.0},
+    {"ms", "s", 1e-3},
+    {"us", "s", 1e-6},
+    {"ns", "s", 1e-9},
+    {"min", "s", 60.0},
+    {"m/s", "m/s", 1.0},
+    {"mm/s", "m/s", 1e-3},
+    {"cm/s", "m/s", 1e-2},
+    {"rad/s", "rad/s", 1.0},
+    {"mrad/s", "rad/s", 1e-3},
+    {"deg/s", "rad/s", kDegree},
+    {"°/s", "rad/s", kDegree},
+    {"m/s2", "m/s^2", 1.0},
+    {"mm/s2", "m/s^2", 1e-3},
+    {"rad/s2", "rad/s^2", 1.0},
+    {"deg/s2", "rad/s^2", kDegree},
+    {"°/s2", "rad/s^2", kDegree},
+    {"V", "V", 1.0},
+    {"mV", "V", 1e-3},
+    {"uV", "V", 1e-6},
+    {"A", "A", 1.0},
+    {"mA", "A", 1e-3},
+    {"Hz", "Hz", 1.0},
+    {"kHz", "Hz", 1e3},
+    {"kg", "kg", 1.0},
+    {"W", "W", 1.0},
+    {"J", "J", 1.0},
+    {"1", "1", 1.0},
+    {"-", "1", 1.0},
+    {"%", "1", 1e-2},
 };
 
 // Endings of names. Only those that are seldom anything else: no V, A, in, min, W, J, 1.
 constexpr std::pair<std::string_view, std::string_view> kEndings[] = {
-    {"_rad_s2", "rad/s^2"}, {"_deg_s2", "deg/s^2"}, {"_m_s2", "m/s^2"}, {"_mm_s2", "mm/s^2"},
-    {"_rad_s", "rad/s"}, {"_deg_s", "deg/s"}, {"_m_s", "m/s"}, {"_mm_s", "mm/s"}, {"_cm_s", "cm/s"},
-    {"_mrad", "mrad"}, {"_rad", "rad"}, {"_deg", "deg"}, {"_mNm", "mNm"}, {"_Nmm", "Nmm"},
-    {"_Nm", "Nm"}, {"_mN", "mN"}, {"_kN", "kN"}, {"_N", "N"}, {"_mm", "mm"}, {"_cm", "cm"},
-    {"_um", "um"}, {"_m", "m"}, {"_ms", "ms"}, {"_us", "us"}, {"_s", "s"}, {"_Hz", "Hz"},
+    {"_rad_s2", "rad/s^2"},
+    {"_deg_s2", "deg/s^2"},
+    {"_m_s2", "m/s^2"},
+    {"_mm_s2", "mm/s^2"},
+    {"_rad_s", "rad/s"},
+    {"_deg_s", "deg/s"},
+    {"_m_s", "m/s"},
+    {"_mm_s", "mm/s"},
+    {"_cm_s", "cm/s"},
+    {"_mrad", "mrad"},
+    {"_rad", "rad"},
+    {"_deg", "deg"},
+    {"_mNm", "mNm"},
+    {"_Nmm", "Nmm"},
+    {"_Nm", "Nm"},
+    {"_mN", "mN"},
+    {"_kN", "kN"},
+    {"_N", "N"},
+    {"_mm", "mm"},
+    {"_cm", "cm"},
+    {"_um", "um"},
+    {"_m", "m"},
+    {"_ms", "ms"},
+    {"_us", "us"},
+    {"_s", "s"},
+    {"_Hz", "Hz"},
     {"_kg", "kg"},
     // Logs written in lower case throughout.
-    {"_nm", "Nm"}, {"_hz", "Hz"}, {"_n", "N"},
+    {"_nm", "Nm"},
+    {"_hz", "Hz"},
+    {"_n", "N"},
 };
 
 void replace_all(std::string& text, std::string_view from, std::string_view to) {
-  for (std::size_t at = text.find(from); at != std::string::npos;
-       at = text.find(from, at + to.size())) {
-    text.replace(at, from.size(), to);
+  std::string out;
+  std::size_t at = 0;
+  for (std::size_t hit; (hit = text.find(from, at)) != std::string::npos; at = hit + from.size()) {
+    out.append(text, at, hit - at);
+    out.append(to);
   }
+  text = out.append(text, at);
 }
 
 std::string normalised(std::string_view text) {
@@ -61,7 +127,8 @@ std::string normalised(std::string_view text) {
   for (const std::string_view product : {"*", "\xC2\xB7", "\xE2\x8B\x85", "\xC3\x97"}) {
     replace_all(out, product, ".");
   }
-  for (const std::string_view square : {"^2", "**2", "..2", "\xC2\xB2"}) replace_all(out, square, "2");
+  for (const std::string_view square : {"^2", "**2", "..2", "\xC2\xB2"})
+    replace_all(out, square, "2");
   for (const std::string_view micro : {"\xC2\xB5", "\xCE\xBC"}) replace_all(out, micro, "u");
   // Latin-1, as older spreadsheets write it.
   if (out == "\xB0") return "°";
@@ -113,8 +180,8 @@ Heading parse_heading(std::string_view text) {
     }
   }
   for (const auto& [ending, unit] : kEndings) {
-    if (whole.size() > ending.size() &&
-        whole.substr(whole.size() - ending.size()) == ending && parse_unit(unit)) {
+    if (whole.size() > ending.size() && whole.substr(whole.size() - ending.size()) == ending &&
+        parse_unit(unit)) {
       return {std::string(whole.substr(0, whole.size() - ending.size())), std::string(unit)};
     }
   }

@@ -1,4 +1,5 @@
-// Unit texts as laboratories write them, to SI. Values are multiplied by the factor once, on reading.
+// Unit texts as laboratories write them, to SI. Values are multiplied by the factor once, on
+// reading.
 #pragma once
 
 #include <optional>
