@@ -61,10 +61,10 @@ ENCODER_STEP_M = 2e-6  # 0.002 mm
 FORCE_STEP_N = 1.0 / 24.0  # quantisation, and the standard deviation of the noise before it
 
 ROBOT_MASS_KG = 1.1
-ROBOT_STIFFNESS_N_M = 400.0
+ROBOT_STIFFNESS_N_M = 300.0
 ROBOT_DAMPING_RATIO = 0.5  # of the robot carrying 1.6 kg, about half the arm's inertia
 
-REFERENCE_PEAK_M = 0.015  # of each axis: the motion fills a circle of about 3 cm
+REFERENCE_PEAK_M = 0.02  # of each axis
 LINES_PER_AXIS = 10
 BAND_HZ = 3.0  # ten bands of 0.3 Hz; each axis gets one sinusoid in each
 GRID_HZ = 0.1  # every sinusoid is a multiple of this, so the reference repeats every 10 s
@@ -72,7 +72,7 @@ GRID_HZ = 0.1  # every sinusoid is a multiple of this, so the reference repeats 
 TREMOR_N = 1.0  # rms of d on each axis, all frequencies
 SLOW_HZ = 4.5  # corner of the slow part
 PHYSIOLOGICAL_HZ = (8.0, 12.0)
-PHYSIOLOGICAL_SHARE = 0.25  # rms of the 8-12 Hz part over the rms of d
+PHYSIOLOGICAL_SHARE = 0.4  # rms of the 8-12 Hz part over the rms of d
 
 # A typical draw. How often intervals hold the truth is measured on other seeds.
 BUNDLED_SEED = 2
@@ -175,8 +175,8 @@ def _answer_to_reference(rngs, samples, peak_m, stiffness, damping, arm):
 def _draw_lines(rng, waves, peak_m, tries=100):
     """Complex amplitudes (bins, axis) of one reference.
 
-    The axes never share a frequency, so each is excited independently. Amplitudes fall gently
-    with frequency, which keeps stiffness as well excited as inertia. Of `tries` sets of random
+    The axes never share a frequency, so each is excited independently. Amplitudes rise gently
+    with frequency, so that the arm's own force stands out of the tremor. Of `tries` sets of random
     phases the one with the lowest peak is taken: more motion inside the same circle.
     """
     bins = waves.shape[1]
@@ -187,7 +187,7 @@ def _draw_lines(rng, waves, peak_m, tries=100):
     for axis in range(2):
         own = picks[:, axis]
         trial = np.exp(2j * np.pi * rng.random((LINES_PER_AXIS, tries)))
-        trial *= ((own + 1.0) ** -0.25)[:, None]
+        trial *= ((own + 1.0) ** 0.5)[:, None]
         peaks = np.abs((waves[::20, own] @ trial).real).max(axis=0)
         best = trial[:, np.argmin(peaks)]
         lines[own, axis] = best * peak_m / np.abs((waves[:, own] @ best).real).max()
