@@ -8,15 +8,11 @@
 
 #include <ulna/base.h>
 #include <ulna/record.h>
+#include <ulna/signal.h>
 
 #ifdef __cplusplus
 extern "C" {
 #endif
-
-/** Ends are extended until the low pass has forgotten them. @since 0.1 */
-#define ULNA_PAD_POLE_RADIUS (0)
-/** Ends are extended as scipy.signal.sosfiltfilt does, for comparison. @since 0.1 */
-#define ULNA_PAD_SCIPY (1)
 
 /** How signals are smoothed and differentiated. Zero bytes mean the defaults named here.
  * @since 0.1 */
