@@ -127,6 +127,12 @@ def test_every_warning_is_in_it(arm, page):
         assert " ".join(sentence.split()) in text
 
 
+def test_what_least_squares_would_have_said_is_said(arm, page, tmp_path):
+    assert "which misleads least squares" in Page(page).text
+    calm = Altered(arm, least_squares=Altered(arm.least_squares, outcome="good"))
+    assert "misleads" not in _without_figures(calm, tmp_path / "calm.html")
+
+
 def test_names_cannot_break_the_page(arm, tmp_path):
     text = _without_figures(
         Altered(arm, warnings=("a < b & c",)), tmp_path / "a.html",

@@ -69,12 +69,17 @@ def measured_response(
     return ResponsePoints(np.array([c for c, _ in found]), np.array([v for _, v in found]))
 
 
+def is_break(steps: np.ndarray) -> np.ndarray:
+    """Which time steps are gaps or the start of another trial."""
+    return (steps > 1.5 * np.median(steps)) | (steps <= 0)
+
+
 def _pieces(time: np.ndarray) -> list[slice]:
     """Stretches without a gap."""
     if len(time) < 3:
         return []
     steps = np.diff(time)
-    ends = [0, *(np.flatnonzero(steps > 1.5 * np.median(steps)) + 1), len(time)]
+    ends = [0, *(np.flatnonzero(is_break(steps)) + 1), len(time)]
     return [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True) if b - a > 2]
 
 

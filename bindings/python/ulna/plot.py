@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from ._response import dynamic_stiffness, measured_response
+from ._response import dynamic_stiffness, is_break, measured_response
 
 BLUE = "#0072B2"
 ORANGE = "#D55E00"
@@ -120,7 +120,7 @@ def _thin(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     if len(time) < 3:
         return time, values
     steps = np.diff(time)
-    jumps = np.flatnonzero(steps > 1.5 * np.median(steps)) + 1
+    jumps = np.flatnonzero(is_break(steps)) + 1
     return np.insert(time, jumps, np.nan), np.insert(values, jumps, np.nan, axis=0)
 
 
@@ -362,7 +362,7 @@ def energy(source: Any, ax: Any = None) -> Any:
         shown = source.signals("all")
         power = (np.asarray(shown.velocity) ** 2).sum(axis=1)
         steps = np.diff(np.asarray(shown.time))
-        steps[steps > 1.5 * np.median(steps)] = 0.0
+        steps[is_break(steps)] = 0.0
         integral = np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * steps)])
         bound = index * integral
         unit = unit_of(source, "B")

@@ -7,6 +7,7 @@ it answers first and justifies later, and it prints on A4.
 from __future__ import annotations
 
 import base64
+import re
 from datetime import datetime, timezone
 from html import escape
 from pathlib import Path
@@ -27,18 +28,22 @@ _APPROACHES = {
     "energy": "the energy measured alone",
     "both": "the identified model and the energy measured",
 }
-# What an outcome means for the reader; others are shown by name.
+# What the words of an outcome mean for the reader; others are shown by name.
 _OUTCOMES = {
     "good": "",
-    "closed_loop_biased": "The human moved the hand as well as the robot did, which biases "
-    "this estimate. Record the reference of the robot and use instrumental variables.",
-    "poor_fit": "A second-order model does not describe this recording well. "
-    "Do not read M, B and K as properties of the limb.",
-    "ill_conditioned": "The motion hardly tells some of the parameters apart; "
-    "the estimate is unsure along that direction.",
-    "unexcited": "The motion is too small or too simple to determine the parameters.",
-    "weak_instruments": "The reference hardly moves the hand, so it says little about the limb.",
+    "closed_loop_biased": "The human moved the hand as well as the robot did, which biases least "
+    "squares.",
+    "poor_fit": "A second-order model does not describe this recording well; "
+    "do not read M, B and K as properties of the limb.",
+    "ill_conditioned": "The motion hardly tells some of the parameters apart.",
+    "force_lag": "Force and motion do not seem to be recorded at the same instants.",
+    "not_converged": "The constrained fit did not converge.",
+    "not_finite": "The stiffness is singular along some direction: the equilibrium is undefined.",
+    "unchecked": "The recording holds no reference, so nobody can tell how much of the motion the "
+    "human caused.",
 }
+# Words that only say what could not be checked do not change the colour of the verdict.
+_HARMLESS = {"good", "unchecked"}
 
 _CSS = """
 :root { --ink: #1c1c1c; --soft: #5b5b5b; --line: #d9d9d9; --paper: #fff; }
@@ -244,10 +249,13 @@ def _verdict(estimate: Any, verdict: Any) -> str:
         f"{escape(_APPROACHES.get(verdict.approach, str(verdict.approach)))}.</p>",
     ]
     lines.append(f"<p>{_answer_in_words(estimate)}</p>")
-    outcome = _OUTCOMES.get(estimate.outcome, f"Outcome: {estimate.outcome.replace('_', ' ')}.")
-    if outcome:
-        kind = "open" if kind == "good" else kind
-        lines.append(f"<p><b>Look before you use it:</b> {escape(outcome)}</p>")
+    words = re.findall(r"\w+", str(estimate.outcome))
+    told = [_OUTCOMES.get(word, f"Outcome: {word.replace('_', ' ')}.") for word in words]
+    if any(told):
+        sentences = escape(" ".join(sentence for sentence in told if sentence))
+        lines.append(f"<p><b>Look before you use it:</b> {sentences}</p>")
+    if kind == "good" and not _HARMLESS.issuperset(words):
+        kind = "open"
     return f'<section class="verdict {kind}">' + "".join(lines) + "</section>"
 
 
@@ -276,11 +284,33 @@ def _answer_in_words(estimate: Any) -> str:
     return f"{words}. The model explains {vaf} of the {force} on data it has not seen."
 
 
+def _misled(estimate: Any) -> list[str]:
+    """What least squares would have said, when the human moved the hand too."""
+    squares = estimate.least_squares
+    if squares is None or "closed_loop_biased" not in str(squares.outcome):
+        return []
+    distance = np.abs(np.asarray(estimate.K) - squares.K) / np.asarray(estimate.K_se)
+    i, j = np.unravel_index(int(np.nanargmax(distance)), distance.shape)
+    spread = float(np.asarray(estimate.K_se)[i, j])
+    name = plot.entry_names(estimate, "K")[int(i) * estimate.n + int(j)]
+    share = ""
+    if estimate.rho is not None:
+        totals = [f"{100 * float(t):.0f} %" for t in np.atleast_1d(estimate.rho.total)]
+        share = f" ({' and '.join(totals)} of the motion's power)"
+    return [
+        f"The human moved the hand as well as the robot did{share}, which misleads least squares: "
+        f"it would put the stiffness {name} at {number(float(squares.K[i, j]), spread)} instead "
+        f"of {number(float(estimate.K[i, j]), spread)} {plot.unit_of(estimate, 'K')}. The numbers "
+        "here come from instrumental variables, which the reference keeps free of that."
+    ]
+
+
 def _warnings(estimate: Any) -> str:
-    if not estimate.warnings:
+    sentences = [*estimate.warnings, *_misled(estimate)]
+    if not sentences:
         return ""
-    lines = "".join(f"<p>{escape(str(sentence))}</p>" for sentence in estimate.warnings)
-    word = "Warning" if len(estimate.warnings) == 1 else "Warnings"
+    lines = "".join(f"<p>{escape(str(sentence))}</p>" for sentence in sentences)
+    word = "Warning" if len(sentences) == 1 else "Warnings"
     return f'<section class="warn"><p><b>{word}</b></p>{lines}</section>'
 
 
@@ -355,6 +385,10 @@ def _passivity(estimate: Any, verdict: Any) -> str:
     unit = escape(plot.unit_of(estimate, "B"))
     pairs = [("Why", escape(str(verdict.reason)))]
     pairs.append(("What would change it", escape(str(verdict.would_change))))
+    for label, name in (("by the model", "model"), ("by the energy", "energy")):
+        chance = getattr(verdict, name + "_probability", None)
+        if chance is not None and np.isfinite(chance):
+            pairs.append((f"Probability {label}", f"{percent(float(chance))} that it is passive"))
     for name, label in (("eop", "by the model"), ("eop_energy", "by the energy")):
         value = getattr(verdict, name, None)
         if value is None or not np.isfinite(value):
