@@ -208,7 +208,7 @@ class Looker {
 
   void look_at_quanta(const Channel& channel, const std::string& name, const double* y,
                       double quantum, double range) {
-    if (!(quantum > 0.002 * range)) return;
+    if (!(quantum > 0.002 * range) || record_.rows() < kFewRows) return;
     for (Index i = 1; i < record_.rows(); ++i) {
       const double ratio = (y[i] - y[i - 1]) / quantum;
       if (std::isfinite(ratio) && std::abs(ratio - std::round(ratio)) > 0.01) return;

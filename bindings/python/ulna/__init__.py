@@ -30,14 +30,16 @@ from ._release import RELEASE as __version__
 
 if TYPE_CHECKING:
     from .impedance import ImpedanceEstimate, identify_impedance
+    from .io import inspect, read
     from .passivity import passivity
-    from .record import Record, read
+    from .record import Record
     from .report import report
     from .signal import preprocess
 
 # Public name -> module that holds it.
 _HOMES = {
-    "read": "record",
+    "read": "io",
+    "inspect": "io",
     "Record": "record",
     "preprocess": "signal",
     "identify_impedance": "impedance",
@@ -45,7 +47,7 @@ _HOMES = {
     "passivity": "passivity",
     "report": "report",
 }
-_MODULES = ("signal", "record", "impedance", "passivity", "plot", "report", "cli")
+_MODULES = ("signal", "record", "io", "impedance", "passivity", "plot", "report", "cli")
 
 __all__ = [
     "AnalysisError",
@@ -63,6 +65,7 @@ __all__ = [
     "__version__",
     "build_information",
     "identify_impedance",
+    "inspect",
     "passivity",
     "preprocess",
     "read",
