@@ -153,12 +153,16 @@ class Fit {
     double slope = gradient.squaredNorm();
     double size = weighted(residual);
     int stalled = 0;
-    const double enough = options.tolerance * weighted(y.array() - y.mean());
+    // Never below what rounding leaves, or a constant signal would be fitted for ever.
+    const double enough =
+        std::max(options.tolerance * weighted(y.array() - y.mean()), 1e-13 * weighted(y));
     for (int iteration = 0; iteration < options.max_iterations; ++iteration) {
       if (size <= enough || slope <= 0.0) break;
       if (token != nullptr && token->cancelled()) step(token, token->progress());
       const Vector image = forward(direction);
-      const double length = slope / image.cwiseAbs2().dot(density_);
+      const double curvature = image.cwiseAbs2().dot(density_);
+      if (!(curvature > 0.0)) break;
+      const double length = slope / curvature;
       u += length * direction;
       residual -= length * image;
       const double next_size = weighted(residual);
