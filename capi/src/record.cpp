@@ -216,6 +216,7 @@ ulna_status ulna_record_read_csv_memory(const char* data, int64_t size,
                                         const ulna_read_options* options, ulna_token* token,
                                         ulna_record** out_record) {
   return guarded([&] {
+    deref(out_record, "out_record");
     require(size >= 0 && (data != nullptr || size == 0), "data", "data must hold size bytes");
     give(out_record, handle_of(read_csv_memory(data, static_cast<std::size_t>(size),
                                                csv_options(options), token_of(token)),
