@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "base/error.hpp"
+#include "impedance/natural.hpp"
 #include "stats/distributions.hpp"
 
 namespace ulna {
@@ -63,7 +64,8 @@ EllipseInterval ellipse_interval(const Matrix& z, const Matrix& draws, double le
   double sine = 0.0;
   for (Index i = 0; i < draws.rows(); ++i) {
     if (!draws.row(i).allFinite()) continue;
-    const Ellipse e = ellipse_of(draws.row(i).reshaped<Eigen::RowMajor>(2, 2));
+    const Vector draw = draws.row(i);  // Eigen 3.4.0 reshapes a strided row wrongly
+    const Ellipse e = ellipse_of(draw.reshaped<Eigen::RowMajor>(2, 2));
     major.push_back(e.major);
     minor.push_back(e.minor);
     area.push_back(e.area);

@@ -11,6 +11,7 @@
 #include "base/error.hpp"
 #include "base/pool.hpp"
 #include "base/random.hpp"
+#include "impedance/natural.hpp"
 #include "stats/distributions.hpp"
 
 namespace ulna {
@@ -103,8 +104,6 @@ std::vector<Span> cut(const std::vector<Span>& spans, Index rows) {
 }
 
 // ------------------------------------------------------------------------- parameters and their errors
-
-Index natural_size(Index n) { return 3 * n * n + n; }
 
 Vector natural_of(const Matrix& theta, const Vector& position_mean) {
   const Index n = theta.cols();
@@ -340,8 +339,8 @@ std::string bias_sentence(const DifferenceTest& test, const ImpedanceFit& iv, co
   return sentence(3, "Least squares is biased by the closed loop: part of the motion was caused by the "
                   "human's own force, and the robot's impedance leaks in with the wrong sign (k_", axis,
                   n > 1 ? axis : "", " = ", ls.k(worst, worst), " by least squares, ",
-                  iv.k(worst, worst), " by instrumental variables; test of equality p = ",
-                  test.p_value < 1e-4 ? std::string("< 0.0001") : sentence(2, test.p_value), ").");
+                  iv.k(worst, worst), " by instrumental variables; test of equality: p ",
+                  test.p_value < 1e-4 ? std::string("< 0.0001") : sentence(2, "= ", test.p_value), ").");
 }
 
 }  // namespace
@@ -374,8 +373,9 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
   const Index n = static_cast<Index>(roles.position.size());
   out.n = n;
   for (const Index c : roles.position) out.axes.push_back(record.channels()[static_cast<std::size_t>(c)].name);
-  if (n == 1 && out.axes[0].size() > 3) out.axes[0] = "x";
   out.rotational = record.channels()[static_cast<std::size_t>(roles.position[0])].unit == "rad";
+  // A lone channel called "position" is a poor subscript.
+  if (n == 1 && out.axes[0].size() > 3) out.axes[0] = out.rotational ? "q" : "x";
   out.structure = options.structure;
   out.payload_kg = options.payload_kg;
   const bool have_reference = roles.reference.size() >= roles.position.size();
@@ -496,8 +496,9 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
                           options.seed, options.threads, token);
       fit.draws.resize(thetas.rows(), natural_size(n));
       for (Index i = 0; i < thetas.rows(); ++i) {
+        const Vector theta = thetas.row(i);  // Eigen 3.4.0 reshapes a strided row wrongly
         fit.draws.row(i) =
-            natural_of(thetas.row(i).reshaped(parameters, n), out.position_mean).transpose();
+            natural_of(theta.reshaped(parameters, n), out.position_mean).transpose();
       }
       fit.covariance = sample_covariance(fit.draws);
     } else {

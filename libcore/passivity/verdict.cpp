@@ -5,6 +5,7 @@
 #include <limits>
 #include <sstream>
 
+#include "impedance/natural.hpp"
 #include "stats/distributions.hpp"
 
 namespace ulna {
@@ -41,7 +42,9 @@ ModelDraws draw_model(const ImpedanceEstimate& estimate, const ModelMargins& bes
   Index valid = 0;
   for (Index i = 0; i < draws.rows(); ++i) {
     const auto part = [&](Index term) {
-      return Matrix(draws.row(i).segment(term * n * n, n * n).reshaped<Eigen::RowMajor>(n, n));
+      // Eigen 3.4.0 reshapes a strided row wrongly: copy it first.
+      const Vector entries = draws.row(i).segment(term * n * n, n * n);
+      return Matrix(entries.reshaped<Eigen::RowMajor>(n, n));
     };
     if (!draws.row(i).head(3 * n * n).allFinite()) continue;
     const ModelMargins margins = model_passivity(part(0), part(1), part(2), antisymmetry_threshold);
