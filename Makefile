@@ -31,7 +31,7 @@ bench: .venv/installed  ## measure speed, beside plain NumPy and SciPy
 	  -DULNA_BUILD_EXAMPLES=OFF -DPython3_EXECUTABLE=$(CURDIR)/$(PYTHON) >/dev/null
 	@cmake --build build-bench
 	@for program in build-bench/tests/bench/bench_*; do [ ! -x "$$program" ] || "$$program"; done
-	@for script in tests/bench/bench_*.py; do [ ! -f "$$script" ] || $(PYTHON) "$$script"; done
+	@$(PYTHON) -m pytest -q tests/bench --benchmark-sort=name --benchmark-columns=min,median,rounds
 
 docs: .venv/tools  ## write the reference of the C interface to docs/reference
 	@$(PYTHON) capi/tools/apigen.py --headers capi/include/ulna --docs docs/reference

@@ -6,14 +6,14 @@
 #include <stdint.h>
 
 typedef struct ulna_layout_row {
-  const char *type;
-  const char *member; /* "" is the struct itself */
+  const char* type;
+  const char* member; /* "" is the struct itself */
   int64_t offset;     /* bytes */
   int64_t size;       /* bytes */
 } ulna_layout_row;
 
 typedef struct ulna_constant_row {
-  const char *name;
+  const char* name;
   double value;
 } ulna_constant_row;
 

@@ -29,7 +29,8 @@ void feed_variants(const Bytes& bytes) {
   constexpr std::size_t kVariants = 40;
   std::minstd_rand random(1);
   for (std::size_t i = 0; i < kVariants && !bytes.empty(); ++i) {
-    feed(Bytes(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(random() % bytes.size())));
+    feed(
+        Bytes(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(random() % bytes.size())));
     Bytes changed = bytes;
     for (int k = 0; k < 3; ++k) {
       changed[random() % changed.size()] = static_cast<std::uint8_t>(random());
