@@ -10,6 +10,9 @@ JOBS ?= $(shell nproc 2>/dev/null || echo 2)
 PYTHON := .venv/bin/python
 export CMAKE_BUILD_PARALLEL_LEVEL := $(JOBS)
 
+# Lists the C and C++ sources; not by git, so that it also works outside of a clone.
+C_SOURCES = find libcore capi tests examples -name '*.c' -o -name '*.cpp' -o -name '*.h' -o -name '*.hpp'
+
 # What the installed package is made from.
 SOURCES := CMakeLists.txt pyproject.toml $(wildcard README.md LICENSE) \
   $(shell find cmake libcore capi/include capi/src capi/tools bindings/python -type f \
@@ -38,10 +41,10 @@ docs: .venv/tools  ## write the reference of the C interface to docs/reference
 	@echo "docs/reference/README.md"
 
 format: .venv/lint-tools  ## format the C and C++ sources
-	@git ls-files '*.c' '*.cpp' '*.h' '*.hpp' | xargs .venv/bin/clang-format -i
+	@$(C_SOURCES) | xargs .venv/bin/clang-format -i
 
 lint: .venv/lint-tools  ## check the format of the sources and the record of the interface
-	@git ls-files '*.c' '*.cpp' '*.h' '*.hpp' | xargs .venv/bin/clang-format --dry-run -Werror
+	@$(C_SOURCES) | xargs .venv/bin/clang-format --dry-run -Werror
 	@$(PYTHON) -m ruff check bindings capi/tools tests examples
 	@$(PYTHON) capi/tools/abicheck.py
 
