@@ -425,8 +425,9 @@ ulna_status ulna_unit_parse(const char* unit, double* out_factor, char* out_text
   return guarded([&] {
     const std::string text = &deref(unit, "unit");
     const std::optional<Unit> parsed = parse_unit(text);
-    require(parsed.has_value(), "unit",
-            std::string("\"").append(text, 0, 40) + "\" is no known unit; known are " + known_units());
+    require(
+        parsed.has_value(), "unit",
+        std::string("\"").append(text, 0, 40) + "\" is no known unit; known are " + known_units());
     double& factor = deref(out_factor, "out_factor");
     write_text(parsed->si, out_text, capacity, out_size);
     factor = parsed->factor;

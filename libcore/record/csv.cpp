@@ -145,7 +145,8 @@ Outcome parse_careful(std::string_view line, const Layout& layout, std::size_t w
   const std::vector<std::string> cells = split_cells(line, layout.delimiter);
   Outcome outcome;
   outcome.cells = cells.size();
-  outcome.last_empty = cells.back().empty();
+  // A lone minus may stand for nothing, or be the beginning of a number that was cut off.
+  outcome.last_empty = cells.back().empty() || cells.back() == "-";
   for (std::size_t i = 0; i < std::min(width, cells.size()); ++i) {
     if (parse_cell(cells[i], layout.decimal, out[i])) continue;
     outcome.parse = Parse::kText;

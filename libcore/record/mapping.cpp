@@ -258,6 +258,7 @@ struct Draft {
   std::string unit_text;
   bool by_rule = false;
   bool axis_fixed = false;
+  bool unit_given = false;
   bool rotation = false;
   int rank = 0;
 };
@@ -437,6 +438,7 @@ class Mapper {
       }
       Draft draft;
       draft.by_rule = true;
+      draft.unit_given = !rule.unit.empty();
       draft.channel = channel_of(at);
       draft.unit_text = rule.unit.empty() ? columns_[at].unit : rule.unit;
       draft.channel.source_unit = draft.unit_text;
@@ -536,7 +538,7 @@ class Mapper {
             "channel " + name + " has no unit: " + text + " is assumed; say otherwise with a map"));
       }
       std::optional<Unit> unit = parse_unit(text);
-      if (!unit && !text.empty() && (channel.role != Role::kOther || d.by_rule)) {
+      if (!unit && !text.empty() && (channel.role != Role::kOther || d.unit_given)) {
         throw Error(Fault::kArgument, "unit",
                     "column \"" + channel.source_name + "\" has the unknown unit \"" + text +
                         "\"; known are " + known_units() + ": set the unit in a map",

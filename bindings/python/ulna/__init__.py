@@ -29,22 +29,28 @@ from ._call import (
 from ._release import RELEASE as __version__
 
 if TYPE_CHECKING:
-    from .impedance import ImpedanceEstimate, identify_impedance
+    from . import passivity
+    from .impedance import (
+        ImpedanceEstimate,
+        UncertainResult,
+        ellipse,
+        identify_impedance,
+        preprocess,
+    )
     from .io import inspect, read
-    from .passivity import passivity
     from .record import Record
     from .report import report
-    from .signal import preprocess
 
 # Public name -> module that holds it.
 _HOMES = {
     "read": "io",
     "inspect": "io",
     "Record": "record",
-    "preprocess": "signal",
+    "preprocess": "impedance",
     "identify_impedance": "impedance",
     "ImpedanceEstimate": "impedance",
-    "passivity": "passivity",
+    "UncertainResult": "impedance",
+    "ellipse": "impedance",
     "report": "report",
 }
 _MODULES = ("signal", "record", "io", "impedance", "passivity", "plot", "report", "cli")
@@ -61,9 +67,11 @@ __all__ = [
     "InternalError",
     "OutOfMemory",
     "Record",
+    "UncertainResult",
     "UnsupportedError",
     "__version__",
     "build_information",
+    "ellipse",
     "identify_impedance",
     "inspect",
     "passivity",
@@ -105,8 +113,8 @@ def __dir__() -> list[str]:
 
 
 class _Package(ModuleType):
-    # `passivity` and `report` are functions and the modules that hold them. Importing such a module
-    # would put it over the function, whoever imports it first.
+    # `report` is a function and the module that holds it. Importing the module would put it over the
+    # function, whoever imports it first.
     def __setattr__(self, name: str, value: Any) -> None:
         if isinstance(value, ModuleType) and _HOMES.get(name) == name:
             value = getattr(value, name)

@@ -32,9 +32,9 @@ std::vector<Finding> findings(const Record::Parts& parts) { return look(Record::
 TEST(Look, FindsNothingInAGoodLog) { EXPECT_TRUE(findings(motion(5000)).empty()); }
 
 TEST(Look, VoicesSuspiciousUnits) {
-  EXPECT_TRUE(has(findings(motion(5000, 10.0)), "unit", "x"));          // mm taken for m
-  EXPECT_TRUE(has(findings(motion(5000, 10.0, "rad")), "unit", "x"));   // degrees taken for rad
-  EXPECT_TRUE(has(findings(motion(5000, 1e-6)), "unit", "x"));          // m taken for mm
+  EXPECT_TRUE(has(findings(motion(5000, 10.0)), "unit", "x"));         // mm taken for m
+  EXPECT_TRUE(has(findings(motion(5000, 10.0, "rad")), "unit", "x"));  // degrees taken for rad
+  EXPECT_TRUE(has(findings(motion(5000, 1e-6)), "unit", "x"));         // m taken for mm
   Record::Parts parts = motion(5000);
   parts.values.col(1) *= 1e4;
   EXPECT_TRUE(has(findings(parts), "unit", "F_x"));

@@ -30,15 +30,20 @@ TEST(Mapping, GuessesTheNamesLabsUse) {
   EXPECT_EQ(outline(map_of({"t", "x", "y", "Fx", "Fy"})), "t0 x:p0 y:p1 F_x:f0 F_y:f1");
   EXPECT_EQ(outline(map_of({"time", "x_m", "y_m", "F_x_N", "F_y_N", "x_ref_m", "y_ref_m"})),
             "t0 x:p0 y:p1 F_x:f0 F_y:f1 x_ref:r0 y_ref:r1");
-  EXPECT_EQ(outline(map_of({"Time [ms]", "pos_x [mm]", "pos_y [mm]", "force_x [N]", "force_y [N]", "ref_x [mm]"})),
+  EXPECT_EQ(outline(map_of({"Time [ms]", "pos_x [mm]", "pos_y [mm]", "force_x [N]", "force_y [N]",
+                            "ref_x [mm]"})),
             "t0 x:p0 y:p1 F_x:f0 F_y:f1 x_ref:r0");
   EXPECT_EQ(outline(map_of({"hand_x", "hand_y", "fx", "fy", "x_des", "y_cmd", "Time"})),
             "t6 x:p0 y:p1 F_x:f0 F_y:f1 x_ref:r0 y_ref:r1");
-  EXPECT_EQ(outline(map_of({"t", "q1", "q2", "tau1", "tau2"})), "t0 q_1:p0 q_2:p1 torque_1:f0 torque_2:f1");
-  EXPECT_EQ(outline(map_of({"t", "q_1_deg", "tau_1_Nm", "dq_1_deg_s"})), "t0 q_1:p0 torque_1:f0 dq_1:o");
-  EXPECT_EQ(outline(map_of({"t", "position", "force", "reference"})), "t0 position:p0 F_x:f0 x_ref:r0");
+  EXPECT_EQ(outline(map_of({"t", "q1", "q2", "tau1", "tau2"})),
+            "t0 q_1:p0 q_2:p1 torque_1:f0 torque_2:f1");
+  EXPECT_EQ(outline(map_of({"t", "q_1_deg", "tau_1_Nm", "dq_1_deg_s"})),
+            "t0 q_1:p0 torque_1:f0 dq_1:o");
+  EXPECT_EQ(outline(map_of({"t", "position", "force", "reference"})),
+            "t0 position:p0 F_x:f0 x_ref:r0");
   EXPECT_EQ(outline(map_of({"t", "x", "force"})), "t0 x:p0 F_x:f0");
-  EXPECT_EQ(outline(map_of({"t", "positionX", "ForceX", "vx", "emg_1"})), "t0 x:p0 F_x:f0 vx:o emg_1:o");
+  EXPECT_EQ(outline(map_of({"t", "positionX", "ForceX", "vx", "emg_1"})),
+            "t0 x:p0 F_x:f0 vx:o emg_1:o");
   EXPECT_EQ(outline(map_of({"t", "angle_deg", "M"})), "t0 angle:p0 torque:f0");
 }
 
@@ -48,7 +53,8 @@ TEST(Mapping, KeepsWhatDoesNotBelongAside) {
             "t0 x:p0 y:p1 F_x:f0 F_y:f1 F_z:o torque_x:o torque_y:o torque_z:o");
   // A sagittal plane: the second axis is z.
   EXPECT_EQ(outline(map_of({"t", "x", "z", "F_z", "F_x"})), "t0 x:p0 z:p1 F_z:f1 F_x:f0");
-  EXPECT_EQ(outline(map_of({"time_s", "q_ankle_rad", "q_hip_rad", "dq_ankle_rad_s", "acc_x_m_s2", "foot_fx_N"})),
+  EXPECT_EQ(outline(map_of({"time_s", "q_ankle_rad", "q_hip_rad", "dq_ankle_rad_s", "acc_x_m_s2",
+                            "foot_fx_N"})),
             "t0 q_ankle:p0 q_hip:p1 dq_ankle:o acc_x:o foot_fx:o");
   const Mapping twice = map_of({"t", "x", "pos_x", "F_x"});
   EXPECT_EQ(outline(twice), "t0 x:p0 pos_x:o F_x:f0");
@@ -107,8 +113,9 @@ TEST(Mapping, NamesTheNearestColumn) {
     map_of({"t", "Fx_raw", "x"}, rules);
     FAIL();
   } catch (const Error& error) {
-    EXPECT_STREQ(error.what(),
-                 "there is no column \"Fx_row\" (did you mean \"Fx_raw\"?); the columns are t, Fx_raw, x");
+    EXPECT_STREQ(
+        error.what(),
+        "there is no column \"Fx_row\" (did you mean \"Fx_raw\"?); the columns are t, Fx_raw, x");
     EXPECT_EQ(error.fault(), Fault::kArgument);
   }
 }
@@ -132,7 +139,8 @@ TEST(Mapping, RefusesContradictions) {
     map_of({"t", "x", "y"}, rules);
     FAIL();
   } catch (const Error& error) {
-    EXPECT_NE(std::string(error.what()).find("\"x\" has the unknown unit \"furlong\""), std::string::npos);
+    EXPECT_NE(std::string(error.what()).find("\"x\" has the unknown unit \"furlong\""),
+              std::string::npos);
   }
   a.unit.clear();
   a.sign = 2;

@@ -92,8 +92,9 @@ TEST(Record, RefusesWrongShapesNamesAndRanges) {
 
 TEST(Record, ResolvesWords) {
   Record::Parts parts = parts_of({"x", "y", "F_y", "F_x", "x_ref", "y_ref", "q1", "q2", "note"});
-  const Role roles[] = {Role::kPosition, Role::kPosition, Role::kForce, Role::kForce, Role::kReference,
-                        Role::kReference, Role::kOther, Role::kOther, Role::kOther};
+  const Role roles[] = {Role::kPosition, Role::kPosition,  Role::kForce,
+                        Role::kForce,    Role::kReference, Role::kReference,
+                        Role::kOther,    Role::kOther,     Role::kOther};
   for (std::size_t i = 0; i < 9; ++i) {
     parts.channels[i].role = roles[i];
     parts.channels[i].axis = parts.channels[i].name.find('y') == std::string::npos ? 0 : 1;
