@@ -187,16 +187,24 @@ def test_lines_break_between_trials():
     assert len(many) <= plot._POINTS
 
 
+def _record(run, *, reference=True, rows=slice(None)):
+    channels = {
+        "x": run.position_m[0, rows, 0],
+        "y": run.position_m[0, rows, 1],
+        "F_x": run.force_n[0, rows, 0],
+        "F_y": run.force_n[0, rows, 1],
+    }
+    if reference:
+        channels |= {
+            "x_ref": run.reference_m[0, rows, 0],
+            "y_ref": run.reference_m[0, rows, 1],
+        }
+    return ulna.Record.from_arrays(run.time_s[rows], channels)
+
+
 def test_measured_response_finds_the_arm_without_a_model():
     run = relaxed_arm.simulate(seed=4, tremor_n=0.0, sensors=False)
-    raw = SimpleNamespace(
-        time=run.time_s,
-        position=run.position_m[0],
-        force=run.force_n[0],
-        reference=run.reference_m[0],
-    )
-    estimate = SimpleNamespace(n=2, signals=lambda split: SimpleNamespace(time=raw.time, raw=raw))
-    points = plot.measured_response(estimate)
+    points = plot.measured_response(SimpleNamespace(n=2, record=_record(run)))
     arm = relaxed_arm.P1
     truth = plot.dynamic_stiffness(arm.m_kg, arm.b_ns_m, arm.k_n_m, freq_hz=points.freq_hz)
     # Within a band the response is taken as straight; its bend, M w^2, leaves at most
@@ -206,15 +214,17 @@ def test_measured_response_finds_the_arm_without_a_model():
 
 
 def test_no_measured_response_without_reference_or_time():
-    short = SimpleNamespace(
-        time=np.arange(100) / 1000, position=np.zeros((100, 1)), force=np.zeros((100, 1)),
-        reference=np.zeros((100, 1)),
-    )  # fmt: skip
-    for raw in (short, SimpleNamespace(time=short.time, reference=None), None):
-        estimate = SimpleNamespace(
-            n=1, signals=lambda split, raw=raw: SimpleNamespace(time=short.time, raw=raw)
-        )
-        assert plot.measured_response(estimate) is None
+    run = relaxed_arm.simulate(seed=4, duration_s=20.0)
+    for record in (_record(run, reference=False), _record(run, rows=slice(0, 3000))):
+        assert plot.measured_response(SimpleNamespace(n=2, record=record)) is None
+
+
+def test_energy_is_drawn_with_the_bound_that_it_keeps(arm):
+    absorbed, bound, _ = plot.energy(arm).lines
+    later = absorbed.get_xdata() > 0.1 * absorbed.get_xdata()[-1]
+    gap = (absorbed.get_ydata() - bound.get_ydata())[later]
+    # The bound touches the energy; 2000 of 50000 samples are drawn, so it does so only nearly.
+    assert gap.min() > -1e-3 and gap.min() < 0.05 * np.nanmax(absorbed.get_ydata())
 
 
 def test_svg_is_the_same_for_the_same_figure(arm):

@@ -39,14 +39,12 @@ def measured_response(
     So axes that are excited at different frequencies can still be told apart. None where the log
     holds no reference or is too short; frequencies without enough excitation are left out.
     """
-    shown = estimate.signals("all")
-    raw = getattr(shown, "raw", None)
-    reference = getattr(raw, "reference", None)
-    if reference is None:
+    raw = raw_signals(estimate)
+    if raw is None or raw.reference is None:
         return None
-    time = np.asarray(getattr(raw, "time", shown.time), dtype=float)
+    time = raw.time
     spectra = [
-        _spectra(time[rows], [np.asarray(a)[rows] for a in (reference, raw.position, raw.force)])
+        _spectra(time[rows], [a[rows] for a in (raw.reference, raw.position, raw.force)])
         for rows in _pieces(time)
         if (time[rows][-1] - time[rows][0]) * half_band_hz > 3.0
     ]
@@ -67,6 +65,32 @@ def measured_response(
     if not found:
         return None
     return ResponsePoints(np.array([c for c, _ in found]), np.array([v for _, v in found]))
+
+
+@dataclass(frozen=True)
+class Raw:
+    """Signals as recorded: time (rows,), the others (rows, n); reference may be None."""
+
+    time: np.ndarray
+    position: np.ndarray
+    force: np.ndarray
+    reference: np.ndarray | None
+
+
+def raw_signals(estimate: Any) -> Raw | None:
+    """What the record holds by role; None where its roles do not name one channel an axis."""
+    record = estimate.record
+    columns = {role: list(record.with_role(role)) for role in ("position", "force", "reference")}
+    if len(columns["position"]) != estimate.n or len(columns["force"]) != estimate.n:
+        return None
+    values = record.values
+    complete = len(columns["reference"]) == estimate.n
+    return Raw(
+        time=np.asarray(record.time),
+        position=values[:, columns["position"]],
+        force=values[:, columns["force"]],
+        reference=values[:, columns["reference"]] if complete else None,
+    )
 
 
 def is_break(steps: np.ndarray) -> np.ndarray:

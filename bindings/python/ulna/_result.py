@@ -10,7 +10,7 @@ import numpy as np
 
 _PARAMETERS = ("M", "B", "K", "x0")
 # Of a verdict: everything but long series and what is not data.
-_NOT_LISTED = {"time_s", "energy_j"}
+_NOT_LISTED = {"time_s", "energy_j", "series"}
 
 
 def plain(value: Any) -> Any:
@@ -39,9 +39,7 @@ def plain(value: Any) -> Any:
 
 
 def _fields(value: Any) -> dict[str, Any]:
-    if dataclasses.is_dataclass(value):
-        return {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
-    return dict(vars(value))
+    return {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
 
 
 def _fit(estimate: Any) -> dict[str, Any]:
@@ -54,8 +52,8 @@ def _fit(estimate: Any) -> dict[str, Any]:
         out[name + "_se"] = getattr(estimate, name + "_se")
     out["intervals_95"] = {name: list(estimate.interval(name)) for name in _PARAMETERS}
     out["vaf"] = np.atleast_1d(estimate.vaf)
-    out["vaf_interval"] = getattr(estimate, "vaf_interval", None)
-    out["condition"] = getattr(estimate, "condition", None)
+    out["vaf_interval"] = estimate.vaf_interval
+    out["condition"] = estimate.condition
     return out
 
 
@@ -65,40 +63,23 @@ def _passivity(verdict: Any) -> dict[str, Any]:
         for name, value in _fields(verdict).items()
         if name not in _NOT_LISTED and not name.startswith("_") and not callable(value)
     }
-    energy = np.asarray(verdict.energy_j, dtype=float)
-    out["energy_total_j"] = float(energy[-1]) if energy.size else None
-    out["energy_lowest_j"] = float(energy.min()) if energy.size else None
+    out["eigenvalues"] = verdict.eigenvalues
+    out["energy_total_j"] = [float(absorbed[-1]) for _, absorbed, _ in verdict.series]
+    out["energy_lowest_j"] = [float(absorbed.min()) for _, absorbed, _ in verdict.series]
     return out
-
-
-def _preprocessing(prepared: Any) -> dict[str, Any]:
-    names = (
-        "lowpass_hz", "effective_cutoff_hz", "window", "order", "flagged_start", "flagged_end",
-        "band_hz", "rate_hz",
-    )  # fmt: skip
-    return {name: getattr(prepared, name) for name in names if hasattr(prepared, name)}
 
 
 def record_information(record: Any) -> dict[str, Any]:
-    """Size, rate, channels and provenance of a record, as far as it tells."""
-    out: dict[str, Any] = {}
-    for name in ("rows", "rate_hz", "duration_s", "provenance"):
-        value = getattr(record, name, None)
-        if value is not None and not callable(value):
-            out[name] = value
-    trials = getattr(record, "trials", None)
-    if trials is not None and hasattr(trials, "__len__"):
-        out["trials"] = len(trials)
-    channels = getattr(record, "channels", None)
-    if channels is not None and not callable(channels):
-        out["channels"] = [_channel(channel) for channel in channels]
-    return out
-
-
-def _channel(channel: Any) -> Any:
-    names = ("name", "unit", "frame", "sign", "role", "axis", "source_name", "source_unit")
-    found = {name: getattr(channel, name) for name in names if hasattr(channel, name)}
-    return found or str(channel)
+    """Size, rate, channels, findings and provenance of a record."""
+    return {
+        "rows": len(record),
+        "rate_hz": record.rate_hz,
+        "duration_s": record.duration_s,
+        "trials": len(record.trials),
+        "channels": [_fields(channel) for channel in record.channels],
+        "findings": [_fields(finding) for finding in record.findings],
+        "provenance": list(record.provenance),
+    }
 
 
 def result(
@@ -123,9 +104,13 @@ def result(
     squares = estimate.least_squares
     out["least_squares"] = None if squares is None else _fit(squares)
     out["rho"] = None if estimate.rho is None else {"total": estimate.rho.total}
-    out["lag_s"] = getattr(estimate, "lag_s", None)
-    out["lag_se_s"] = getattr(estimate, "lag_se_s", None)
-    out["preprocessing"] = _preprocessing(estimate.preprocessing)
+    names = ("difference_p", "lag_s", "lag_se_s", "train_rows", "held_out_rows", "train_s",
+             "refitted", "payload_kg", "trials", "trial_mean", "trial_se", "provenance")  # fmt: skip
+    out.update({name: getattr(estimate, name) for name in names})
+    out["preprocessing"] = {
+        **_fields(estimate.preprocessing),
+        "band_hz": estimate.preprocessing.band_hz,
+    }
     out["record"] = {"source": source, **record_information(estimate.record)}
     out["ulna"] = __version__
     out["report"] = report

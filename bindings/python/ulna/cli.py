@@ -68,6 +68,8 @@ def _explain(failure: Exception) -> int:
     if isinstance(failure, AnalysisError | MemoryError):
         code = FAILED_ANALYSIS
         message = message or "there is not enough memory for this recording"
+    elif isinstance(failure, ImportError) and failure.name is None:
+        code = BAD_INPUT  # an optional package that this input needs; the message names it
     elif isinstance(failure, told):
         code = BAD_INPUT
         if isinstance(failure, OSError) and failure.strerror and failure.filename:

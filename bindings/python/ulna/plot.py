@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from ._response import dynamic_stiffness, is_break, measured_response
+from ._response import dynamic_stiffness, is_break, measured_response, raw_signals
 
 BLUE = "#0072B2"
 ORANGE = "#D55E00"
@@ -149,7 +149,7 @@ def signals(estimate: Any, axes: Any = None, *, span_s: float = 5.0) -> np.ndarr
     time = np.asarray(shown.time)
     begin = time[len(time) // 2]
     rows = (time >= begin) & (time <= begin + span_s)
-    raw = getattr(shown, "raw", None)
+    raw = raw_signals(estimate)
     columns = (
         ("position", factor, unit, "position"),
         ("force", 1.0, _force_unit(estimate), _force_name(estimate)),
@@ -158,13 +158,13 @@ def signals(estimate: Any, axes: Any = None, *, span_s: float = 5.0) -> np.ndarr
         for i, name in enumerate(names):
             ax = grid[i, column]
             if raw is not None:
-                raw_time = np.asarray(getattr(raw, "time", time))
-                near = (raw_time >= begin) & (raw_time <= begin + span_s)
-                values = np.asarray(getattr(raw, field))[near, i]
-                ax.plot(*_thin(raw_time[near], scale * values), color=GREY, lw=0.7, label="raw")
+                near = (raw.time >= begin) & (raw.time <= begin + span_s)
+                values = getattr(raw, field)[near, i]
+                ax.plot(*_thin(raw.time[near], scale * values), color=GREY, lw=0.7, label="raw")
             values = scale * np.asarray(getattr(shown, field))[rows, i]
             ax.plot(*_thin(time[rows], values), color=BLUE, label="filtered")
-            ax.set_ylabel(f"{name} ({label})" if field == "position" else _force_label(estimate, i))
+            place = name if estimate.n > 1 else "position"
+            ax.set_ylabel(f"{place} ({label})" if field == "position" else _force_label(estimate, i))
             ax.margins(x=0)
         grid[0, column].set_title(title.capitalize())
         grid[-1, column].set_xlabel("time (s)")
@@ -174,7 +174,7 @@ def signals(estimate: Any, axes: Any = None, *, span_s: float = 5.0) -> np.ndarr
 
 def prediction(estimate: Any, axes: Any = None, *, span_s: float = 10.0) -> np.ndarray:
     """Measured against predicted force on data that the fit has not seen, an axes per direction."""
-    held = estimate.signals("held-out")
+    held = _held_out(estimate)
     grid = _grid(axes, estimate.n, 1, (WIDTH_IN, 0.9 + 1.35 * estimate.n), sharex=True)
     time = np.asarray(held.time)
     rows = slice(None) if not len(time) else time <= time[0] + span_s
@@ -192,6 +192,18 @@ def prediction(estimate: Any, axes: Any = None, *, span_s: float = 10.0) -> np.n
     grid[0, 0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
     grid[-1, 0].set_xlabel("time (s)")
     return grid
+
+
+def _held_out(estimate: Any) -> Any:
+    """Held-out signals of the first trial that has any; all of them when nothing was held out."""
+    for trial in range(max(1, len(estimate.record.trials))):
+        try:
+            shown = estimate.signals("held-out", trial=trial)
+        except ValueError:  # the trials of the record may be more than those prepared
+            break
+        if len(shown.time):
+            return shown
+    return estimate.signals("all")
 
 
 # Ellipses ----------------------------------------------------------------------------------------
@@ -237,8 +249,11 @@ def ellipses(
 
     The thin lines are draws from the covariance of the estimate; the dashed circle is an isotropic
     hand of the value beside it. With `shoulder_m`, the place of the shoulder in the frame of the
-    record, a right arm of the given segments is drawn to scale.
+    record, a right arm of the given segments is drawn to scale. It is known to be the origin when
+    the positions are in a frame named "shoulder".
     """
+    if shoulder_m is None:
+        shoulder_m = _shoulder(estimate.record)
     if estimate.n != 2:
         raise ValueError(f"ellipses are drawn in the plane; this estimate has {estimate.n} axes")
     grid = _grid(axes, 1, 3, (WIDTH_IN, 3.0 if shoulder_m is None else 3.5))
@@ -246,7 +261,7 @@ def ellipses(
     centre = np.nanmean(position, axis=0)
     origin = centre if shoulder_m is None else np.asarray(shoulder_m, dtype=float)
     hand = centre - origin  # drawn with the shoulder, or else the hand, at zero
-    drawn = estimate.draws(count, seed) if count else None
+    drawn = estimate.draws(count=count, seed=seed) if count else None
     shapes = estimate.ellipses()
     colours = {"M": BLUE, "B": GREEN, "K": ORANGE}
     titles = {"M": "Inertia", "B": "Damping", "K": "Stiffness"}
@@ -267,6 +282,11 @@ def ellipses(
         ax.set_xlabel(str(estimate.axes[0]) + (" (m)" if shoulder_m is not None else " →"))
     grid[0, 0].set_ylabel(str(estimate.axes[1]) + (" (m)" if shoulder_m is not None else " →"))
     return grid
+
+
+def _shoulder(record: Any) -> tuple[float, float] | None:
+    frames = {channel.frame for channel in record.channels if channel.role == "position"}
+    return (0.0, 0.0) if frames == {"shoulder"} else None
 
 
 def _frame(ax: Any, hand: np.ndarray, with_arm: bool) -> None:
@@ -347,28 +367,24 @@ def _interval_of(shape: Any, name: str) -> Any:
 
 
 def energy(source: Any, ax: Any = None) -> Any:
-    """Energy the limb has absorbed over time, of an estimate or a verdict.
+    """Energy the limb has absorbed over time, of an estimate or a verdict; a line a trial.
 
-    A rising line is a limb that takes energy from the robot. Of an estimate, the dashed line is the
-    excess (or shortage) of passivity found in the data, times the integral of velocity squared.
+    A rising line is a limb that takes energy from the robot. The dashed line is the bound that the
+    energy just keeps: the excess (or shortage) of passivity times the integral of velocity squared,
+    from what may have been stored at the start.
     """
-    verdict = source.passivity() if hasattr(source, "signals") else source
+    verdict = source.passivity() if hasattr(source, "passivity") else source
     ax = _grid(None if ax is None else [ax], 1, 1, (WIDTH_IN, 2.3))[0, 0]
-    time = np.asarray(verdict.time_s, dtype=float)
-    absorbed = np.asarray(verdict.energy_j, dtype=float)
-    ax.plot(*_thin(time, absorbed), color=BLUE, lw=1.5, label="absorbed by the limb")
-    index = float(getattr(verdict, "eop_energy", np.nan))
-    if hasattr(source, "signals") and np.isfinite(index):
-        shown = source.signals("all")
-        power = (np.asarray(shown.velocity) ** 2).sum(axis=1)
-        steps = np.diff(np.asarray(shown.time))
-        steps[is_break(steps)] = 0.0
-        integral = np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * steps)])
-        bound = index * integral
-        unit = unit_of(source, "B")
-        word = "excess" if index >= 0 else "shortage"
-        label = f"{word} of passivity, {abs(index):.2f} {unit}"
-        ax.plot(*_thin(shown.time, bound), color=ORANGE, ls=(0, (4, 1.5)), label=label)
+    index = float(verdict.eop_energy)
+    word = "excess" if index >= 0 else "shortage"
+    unit = verdict.unit.replace("^2", "²")
+    labels = ["absorbed by the limb", f"{word} of passivity, {abs(index):.2f} {unit}"]
+    for time, absorbed, motion in verdict.series:
+        ax.plot(*_thin(time, absorbed), color=BLUE, lw=1.5, label=labels[0])
+        if np.isfinite(index):
+            bound = verdict.beta_j + index * motion
+            ax.plot(*_thin(time, bound), color=ORANGE, ls=(0, (4, 1.5)), label=labels[1])
+        labels = ["_", "_"]  # named once
     ax.axhline(0.0, color=INK, lw=0.7)
     ax.set_xlabel("time (s)")
     ax.set_ylabel("energy (J)")
@@ -440,6 +456,8 @@ def parameters(estimate: Any, axes: Any = None, *, truth: dict[str, Any] | None 
                     label="truth")  # fmt: skip
         ax.axvline(0.0, color=INK, lw=0.7)
         ax.set_yticks(place, [_subscript(label) for label in labels], fontsize=10)
+        if name == "x0":
+            _keep_in_view(ax, estimate, factor, zero)
         ax.set_ylim(place[-1] - 0.6, 0.6)
         ax.locator_params(axis="x", nbins=6)
         ax.grid(axis="y", visible=False)
@@ -451,6 +469,17 @@ def parameters(estimate: Any, axes: Any = None, *, truth: dict[str, Any] | None 
     elif len(labels) > 1:
         grid[0, 0].legend(loc="best")
     return grid
+
+
+def _keep_in_view(ax: Any, estimate: Any, factor: float, zero: Any) -> None:
+    """Limits by the estimate's own intervals: a useless interval beside it may leave the axes."""
+    low, high = (factor * side - zero for side in estimate.interval("x0"))
+    sides = [*low, *high, 0.0]
+    if estimate.least_squares is not None:
+        sides += list(factor * estimate.least_squares.x0 - zero)
+    sides = [side for side in sides if np.isfinite(side)]
+    pad = 0.08 * (max(sides) - min(sides)) or 1.0
+    ax.set_xlim(min(sides) - pad, max(sides) + pad)
 
 
 # Frequency domain --------------------------------------------------------------------------------
@@ -474,7 +503,7 @@ def frequency_response(
         top = min(top, 1.15 * measured.freq_hz.max())
     freq = np.linspace(0.0, top, 121)
     centre = dynamic_stiffness(estimate.M, estimate.B, estimate.K, freq_hz=freq)
-    drawn = estimate.draws(count, seed)
+    drawn = estimate.draws(count=count, seed=seed)
     spread = dynamic_stiffness(drawn["M"], drawn["B"], drawn["K"], freq_hz=freq)
     names = _label_axes(estimate)
     parts: tuple[tuple[str, Callable[[Any], Any], str, str, str], ...] = (
@@ -531,7 +560,7 @@ def human_share(estimate: Any, ax: Any = None) -> Any:
     ax.set_xlim(0, float(np.max(rho.freq_hz)))
     ax.set_xlabel("frequency (Hz)")
     ax.set_ylabel("caused by the human (%)")
-    ax.legend(loc="upper left")
+    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
     return ax
 
 

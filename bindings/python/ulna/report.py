@@ -67,6 +67,7 @@ table { border-collapse: collapse; width: 100%; font-size: .93em;
 th, td { text-align: right; padding: .28rem .6rem; border-bottom: 1px solid var(--line);
   white-space: nowrap; }
 thead th { border-bottom: 2px solid var(--ink); font-weight: 600; }
+.dense { font-size: .85em; } .dense th, .dense td { padding: .28rem .4rem; }
 th:first-child, td:first-child { text-align: left; padding-left: 0; }
 td.words { text-align: left; white-space: normal; }
 tbody tr.first th, tbody tr.first td { border-top: 2px solid var(--line); }
@@ -232,10 +233,8 @@ def _about(estimate: Any, source: str | None) -> str:
     facts = record_information(estimate.record)
     words = [source] if source else []
     words.append(f"{estimate.n} axis" if estimate.n == 1 else f"{estimate.n} axes")
-    rate = facts.get("rate_hz")
-    if rate and facts.get("rows"):
-        words.append(f"{facts['rows'] / rate:.1f} s at {rate:g} Hz")
-    if facts.get("trials", 1) > 1:
+    words.append(f"{facts['duration_s']:.1f} s at {facts['rate_hz']:.6g} Hz")
+    if facts["trials"] > 1:
         words.append(f"{facts['trials']} trials")
     return " · ".join(words)
 
@@ -396,15 +395,12 @@ def _passivity(estimate: Any, verdict: Any) -> str:
         word = "Excess" if value >= 0 else "Shortage"
         text = value_and_interval(float(value), getattr(verdict, name + "_interval", None))
         pairs.append((f"{word} {label}", f"{text} {unit}"))
-    eigenvalues = getattr(verdict, "eigenvalues", None)
-    if isinstance(eigenvalues, dict) and estimate.n > 1:
-        for name, values in eigenvalues.items():
-            if name not in ("M", "B", "K"):
-                continue
-            shown = ", ".join(f"{v:.3g}".replace("-", "−") for v in np.ravel(values))
-            pairs.append(
-                (f"Eigenvalues of sym {name}", f"{shown} {escape(plot.unit_of(estimate, name))}")
-            )
+    intervals = {"M": verdict.m_min_interval, "K": verdict.k_min_interval}
+    for name, interval in intervals.items():
+        text = value_and_interval(float(verdict.eigenvalues[name]), interval)
+        pairs.append(
+            (f"Smallest eigenvalue of {name}", f"{text} {escape(plot.unit_of(estimate, name))}")
+        )
     asymmetry = [
         f"{name} {100 * float(value):.1f} %"
         for name in ("M", "K")
@@ -441,7 +437,7 @@ def _ellipses(estimate: Any) -> str:
             f"<td>{told('minor')}</td><td>{told('shape')}</td><td>{angle}</td></tr>"
         )
     return (
-        '<h2>Ellipses</h2><div class="scroll"><table><thead><tr><th scope=col>Symmetric part</th>'
+        '<h2>Ellipses</h2><div class="scroll"><table class="dense"><thead><tr><th scope=col>Symmetric part</th>'
         "<th scope=col>Major</th><th scope=col>Minor</th><th scope=col>Shape</th>"
         "<th scope=col>Angle to x</th></tr></thead><tbody>" + "".join(rows) + "</tbody></table>"
         "</div><p class=soft>Values with 95 % intervals. Shape is major over minor.</p>"
@@ -463,7 +459,8 @@ def _method(estimate: Any, command: str | None) -> str:
     prepared = estimate.preprocessing
     text = prepared.text() if callable(getattr(prepared, "text", None)) else ""
     pairs = [
-        ("Model", "M ẍ + B ẋ + K (x − x₀) = −F"),
+        ("Model", "M ẍ + B ẋ + K (x − x₀) = −F" + _payload(estimate)),
+        ("Data", _split_words(estimate)),
         ("Sign", f"F is the {force} by the human on the robot; positive energy is absorbed by "
                  "the limb."),
         ("Preprocessing", escape(str(text))),
@@ -477,15 +474,30 @@ def _method(estimate: Any, command: str | None) -> str:
             lag += f", standard error {1e3 * spread:.2f} ms"
         pairs.append((f"Lag between {force} and position", lag))
     facts = record_information(estimate.record)
-    if isinstance(facts.get("provenance"), list | tuple):
-        steps = "".join(f"<li>{escape(str(step))}</li>" for step in facts["provenance"])
-        pairs.append(("Record", f"<ol>{steps}</ol>"))
+    pairs.append(("Provenance", _list(estimate.provenance)))
+    found = [finding["message"] for finding in facts["findings"]]
+    pairs.append(("Seen in the data", _list(found)))
     if command:
         pairs.append(("Command", f"<code>{escape(command)}</code>"))
-    notes = "".join(f"<li>{escape(str(note))}</li>" for note in estimate.notes)
-    if notes:
-        pairs.append(("Notes", f"<ol>{notes}</ol>"))
+    pairs.append(("Notes", _list(estimate.notes)))
     return _definition(pairs)
+
+
+def _list(sentences: Any) -> str:
+    items = "".join(f"<li>{escape(str(sentence))}</li>" for sentence in sentences)
+    return f"<ol>{items}</ol>" if items else ""
+
+
+def _payload(estimate: Any) -> str:
+    if not estimate.payload_kg:
+        return ""
+    unit = escape(plot.unit_of(estimate, "M"))
+    return f", after {estimate.payload_kg:g} {unit} of payload were taken off M"
+
+
+def _split_words(estimate: Any) -> str:
+    words = f"{estimate.train_rows} samples identify, {estimate.held_out_rows} validate"
+    return words + ("; reported is a fit to all of them." if estimate.refitted else ".")
 
 
 def _finite(estimate: Any, name: str) -> bool:
