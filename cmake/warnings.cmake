@@ -6,6 +6,6 @@ target_compile_options(ulna_flags INTERFACE
   $<$<COMPILE_LANGUAGE:CXX>:-Wconversion>)
 if(ULNA_SANITIZE)
   target_compile_options(ulna_flags INTERFACE -fsanitize=address,undefined -fno-sanitize-recover=all
-    -fno-omit-frame-pointer -g)
+    -fno-omit-frame-pointer -g1 -O1)  # enough for a stack trace, and quick to compile
   target_link_options(ulna_flags INTERFACE -fsanitize=address,undefined)
 endif()
