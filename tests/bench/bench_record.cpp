@@ -15,7 +15,7 @@ std::string table(char delimiter, char decimal) {
   for (int i = 0; i < 60000; ++i) {
     char line[64];
     std::snprintf(line, sizeof line, "%d.%03d,0.%07d,-%d.%06d\n", i / 1000, i % 1000,
-                  (i * 7919) % 9999991, i % 7, (i * 104729) % 999983);
+                  (i * 79) % 9999991, i % 7, (i * 1047) % 999983);
     text += line;
   }
   for (char& c : text) c = c == ',' ? delimiter : c == '.' ? decimal : c;
