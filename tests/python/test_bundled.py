@@ -98,7 +98,9 @@ def test_simulated_arm_obeys_its_equation():
 
 
 def test_tremor_has_the_stated_power():
-    run = relaxed_arm.simulate(seed=2, repetitions=4, peak_m=1e-12, stiffness_n_m=1e9, sensors=False)
+    run = relaxed_arm.simulate(
+        seed=2, repetitions=4, peak_m=1e-12, stiffness_n_m=1e9, sensors=False
+    )
     # A robot that stiff does not move, so the force sensor feels the tremor alone.
     rms = run.force_n.std(axis=1)
     # 50 s of noise in a 5 Hz band hold some 450 independent values: 3.3 % per axis and run.

@@ -163,8 +163,10 @@ def signals(estimate: Any, axes: Any = None, *, span_s: float = 5.0) -> np.ndarr
                 ax.plot(*_thin(raw.time[near], scale * values), color=GREY, lw=0.7, label="raw")
             values = scale * np.asarray(getattr(shown, field))[rows, i]
             ax.plot(*_thin(time[rows], values), color=BLUE, label="filtered")
-            place = name if estimate.n > 1 else "position"
-            ax.set_ylabel(f"{place} ({label})" if field == "position" else _force_label(estimate, i))
+            if field == "position":
+                ax.set_ylabel(f"{name if estimate.n > 1 else field} ({label})")
+            else:
+                ax.set_ylabel(_force_label(estimate, i))
             ax.margins(x=0)
         grid[0, column].set_title(title.capitalize())
         grid[-1, column].set_xlabel("time (s)")
@@ -642,7 +644,7 @@ def _catalogue(
     yield (
         "frequency-response", "Frequency response",
         "Dynamic stiffness of the model with its 95 % band"
-        + ("; dots are measured without a model." if estimate.rho is not None else "."),
+        + ("; dots are measured without a model, each on its own, and scatter more." if estimate.rho is not None else "."),
         lambda: frequency_response(estimate),
     )  # fmt: skip
     if estimate.rho is not None:

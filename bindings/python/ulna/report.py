@@ -363,8 +363,10 @@ def _parameters(estimate: Any) -> str:
 
 
 def _fit_words(estimate: Any) -> str:
-    words = f"Estimated by {escape(plot.method_name(estimate.estimator))}. Rows of a matrix are "
-    words += f"axes of {'torque' if estimate.rotational else 'force'}, columns axes of motion. "
+    words = f"Estimated by {escape(plot.method_name(estimate.estimator))}. "
+    if estimate.n > 1:
+        force = "torque" if estimate.rotational else "force"
+        words += f"Rows of a matrix are axes of {force}, columns axes of motion. "
     intervals = getattr(estimate, "vaf_interval", None)
     axes = [str(name) for name in estimate.axes]
     parts = []
@@ -437,7 +439,8 @@ def _ellipses(estimate: Any) -> str:
             f"<td>{told('minor')}</td><td>{told('shape')}</td><td>{angle}</td></tr>"
         )
     return (
-        '<h2>Ellipses</h2><div class="scroll"><table class="dense"><thead><tr><th scope=col>Symmetric part</th>'
+        '<h2>Ellipses</h2><div class="scroll"><table class="dense"><thead><tr>'
+        "<th scope=col>Symmetric part</th>"
         "<th scope=col>Major</th><th scope=col>Minor</th><th scope=col>Shape</th>"
         "<th scope=col>Angle to x</th></tr></thead><tbody>" + "".join(rows) + "</tbody></table>"
         "</div><p class=soft>Values with 95 % intervals. Shape is major over minor.</p>"
