@@ -238,3 +238,15 @@ def test_overview_holds_parameters_prediction_and_energy(arm):
     figure = plot.overview(arm)
     assert len(figure.axes) == 4 + arm.n + 1
     assert _texts_outside(figure) == []
+
+
+def test_style_takes_back_what_it_set_and_nothing_else():
+    before = matplotlib.rcParams["font.size"], matplotlib.rcParams["axes.titleweight"]
+    matplotlib.rcParams["interactive"] = False
+    with pytest.raises(RuntimeError), plot.style():
+        assert matplotlib.rcParams["axes.titleweight"] == "bold"
+        matplotlib.rcParams["interactive"] = True  # as a notebook's backend does
+        raise RuntimeError
+    assert (matplotlib.rcParams["font.size"], matplotlib.rcParams["axes.titleweight"]) == before
+    assert matplotlib.rcParams["interactive"] is True
+    matplotlib.rcParams["interactive"] = False

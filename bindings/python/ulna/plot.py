@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -80,9 +81,18 @@ def _matplotlib() -> Any:
     return matplotlib
 
 
-def style() -> Any:
+@contextmanager
+def style() -> Iterator[None]:
     """Context in which figures look as in the report: ``with ulna.plot.style(): ...``."""
-    return _matplotlib().rc_context(_STYLE)
+    settings = _matplotlib().rcParams
+    before = {name: settings[name] for name in _STYLE}
+    settings.update(_STYLE)
+    try:
+        yield
+    finally:
+        # Not rc_context: it would also take back the interactive mode that a notebook turns on
+        # when the first figure is made, and the next figures would not show.
+        settings.update(before)
 
 
 def _grid(
@@ -618,6 +628,9 @@ def _catalogue(
     beside = (
         ", beside those of least squares" if estimate.least_squares is not None else ""
     )
+    dots = "."
+    if estimate.rho is not None:
+        dots = "; dots are measured without a model, each on its own, and scatter more."
     yield (
         "parameters", "Parameters",
         f"Estimates and their 95 % intervals{beside}.",
@@ -644,7 +657,7 @@ def _catalogue(
     yield (
         "frequency-response", "Frequency response",
         "Dynamic stiffness of the model with its 95 % band"
-        + ("; dots are measured without a model, each on its own, and scatter more." if estimate.rho is not None else "."),
+        + dots,
         lambda: frequency_response(estimate),
     )  # fmt: skip
     if estimate.rho is not None:
