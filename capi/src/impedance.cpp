@@ -47,7 +47,7 @@ ImpedanceOptions impedance_options(const ulna_impedance_options* given) {
   out.poor_vaf = or_default(o.poor_vaf, out.poor_vaf);
   if (o.bootstrap != 0) out.bootstrap = o.bootstrap;
   if (o.draws != 0) out.draws = o.draws;
-  out.seed = o.seed;
+  out.seed = static_cast<std::uint64_t>(o.seed);
   out.threads = o.threads != 0 ? o.threads : request.threads;
   return out;
 }
@@ -77,7 +77,7 @@ Matrix values_of(const ImpedanceEstimate& estimate, const ImpedanceFit& fit, int
     case ULNA_IMPEDANCE_K: return fit.k;
     case ULNA_IMPEDANCE_X0: return rows_of(fit.x0);
     case ULNA_IMPEDANCE_COVARIANCE: return fit.covariance;
-    case ULNA_IMPEDANCE_DRAWS: return fit.draws;
+    case ULNA_IMPEDANCE_DRAWS: return parameter_draws(fit);
     case ULNA_IMPEDANCE_VAF: return rows_of(fit.vaf);
     case ULNA_IMPEDANCE_VAF_INTERVAL: return fit.vaf_interval;
     case ULNA_IMPEDANCE_VAF_TRAIN: return rows_of(fit.vaf_train);
@@ -108,10 +108,10 @@ Matrix signal_of(const ImpedanceEstimate& estimate, const ImpedanceFit& fit, int
   const PreparedTrial& data = estimate.prepared->trials[static_cast<std::size_t>(trial)];
   switch (signal) {
     case ULNA_SIGNAL_TIME: return estimate.times[static_cast<std::size_t>(trial)];
-    case ULNA_SIGNAL_POSITION: return data.position;
-    case ULNA_SIGNAL_VELOCITY: return data.velocity;
-    case ULNA_SIGNAL_ACCELERATION: return data.acceleration;
-    case ULNA_SIGNAL_FORCE: return data.force;
+    case ULNA_SIGNAL_POSITION: return data.position();
+    case ULNA_SIGNAL_VELOCITY: return data.velocity();
+    case ULNA_SIGNAL_ACCELERATION: return data.acceleration();
+    case ULNA_SIGNAL_FORCE: return data.force();
     case ULNA_SIGNAL_FORCE_PREDICTED: return predict_force(estimate, fit, trial);
     case ULNA_SIGNAL_USE: return use_of(estimate, trial);
     default: throw Error(Fault::kArgument, "signal", "signal must be an ULNA_SIGNAL_ constant");
@@ -254,7 +254,7 @@ ulna_status ulna_impedance_get_ellipse(const ulna_impedance* impedance, int32_t 
     require(quantity >= ULNA_IMPEDANCE_M && quantity <= ULNA_IMPEDANCE_K, "quantity",
             "quantity must be ULNA_IMPEDANCE_M, _B or _K");
     require(level > 0.0 && level < 1.0, "level", "the level must lie between 0 and 1");
-    const Matrix draws = f.draws.middleCols(4 * quantity, 4);
+    const Matrix draws = parameter_draws(f).middleCols(4 * quantity, 4);
     const Matrix value = values_of(impedance->estimate, f, quantity);
     write_result(out_ellipse, ellipse_struct(ellipse_interval(value, draws, level)), "out_ellipse");
   });

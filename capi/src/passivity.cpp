@@ -26,7 +26,7 @@ VerdictOptions verdict_options(const ulna_passivity_options* given) {
   set(o.block_s, out.block_s);
   if (o.bootstrap != 0) out.bootstrap = o.bootstrap;
   require(out.bootstrap >= 50, "bootstrap", "at least 50 resamples are needed for an interval");
-  out.seed = o.seed;
+  out.seed = static_cast<std::uint64_t>(o.seed);
   return out;
 }
 

@@ -10,29 +10,39 @@
 
 namespace ulna {
 
-MotionShare motion_share(const Record& record, const Roles& roles, double band_hz) {
+MotionShare motion_share(const Prepared& prepared, double band_hz) {
   MotionShare out;
-  const Index m = static_cast<Index>(roles.reference.size());
-  const Index n = static_cast<Index>(roles.position.size());
+  const Index m = static_cast<Index>(prepared.roles.reference.size());
+  const Index n = static_cast<Index>(prepared.roles.position.size());
   if (m == 0) return out;
 
+  // Nothing is left above a few times the band: every stride-th row carries all of it.
+  const Index stride =
+      std::max<Index>(1, static_cast<Index>(prepared.report.rate_hz / (8.0 * band_hz)));
+  const double rate = prepared.report.rate_hz / static_cast<double>(stride);
+  Index rows = 0;
   Index longest = 0;
-  for (const Trial& trial : record.trials()) longest = std::max(longest, trial.end - trial.begin);
+  std::vector<RowRange> trials;
+  for (const PreparedTrial& trial : prepared.trials) {
+    const Index count = trial.rows() / stride;
+    trials.push_back({rows, rows + count});
+    longest = std::max(longest, count);
+    rows += count;
+  }
   // Eight seconds resolve the lines of a slow multisine; at least about nine averages come first.
-  const Index segment =
-      std::min<Index>(static_cast<Index>(8.0 * record.rate_hz()), longest / 5) / 2 * 2;
+  const Index segment = std::min<Index>(static_cast<Index>(8.0 * rate), longest / 5) / 2 * 2;
   if (segment < 32) return out;
   std::vector<RowRange> ranges;
-  for (const Trial& trial : record.trials()) {
-    if (trial.end - trial.begin >= segment) ranges.push_back({trial.begin, trial.end});
+  Matrix signals(rows, m + n);
+  for (std::size_t t = 0; t < trials.size(); ++t) {
+    const PreparedTrial& trial = prepared.trials[t];
+    const auto every = Eigen::seqN(0, trials[t].end - trials[t].begin, stride);
+    const auto rows_of_trial = Eigen::seqN(trials[t].begin, trials[t].end - trials[t].begin);
+    signals(rows_of_trial, Eigen::seqN(0, m)) = trial.reference()(every, Eigen::all);
+    signals(rows_of_trial, Eigen::seqN(m, n)) = trial.position()(every, Eigen::all);
+    if (trials[t].end - trials[t].begin >= segment) ranges.push_back(trials[t]);
   }
-
-  Matrix signals(record.rows(), m + n);
-  for (Index k = 0; k < m + n; ++k) {
-    const auto& list = k < m ? roles.reference : roles.position;
-    signals.col(k) = record.column(list[static_cast<std::size_t>(k < m ? k : k - m)]);
-  }
-  const Spectra spectra = welch(signals, record.rate_hz(), segment, ranges);
+  const Spectra spectra = welch(signals, rate, segment, ranges);
   const double averages = spectra.effective_averages;
   if (averages <= static_cast<double>(m) + 1.0) return out;
 
@@ -144,18 +154,18 @@ LagCheck check_lag(const Prepared& prepared, const std::vector<Span>& spans, Est
       design.fill(span.trial, row, 1, one);
       regressors.row(at) = one.middleCols(design.instruments(), p);
       outputs.row(at) = one.rightCols(n);
-      force_rate.row(at) = 0.5 * rate * (trial.force.row(row + 1) - trial.force.row(row - 1));
+      force_rate.row(at) = 0.5 * rate * (trial.force().row(row + 1) - trial.force().row(row - 1));
       if (instrumental) {
         instruments.row(at).head(q - m) = one.leftCols(q - m);
-        instruments.row(at).tail(m) = 0.5 * rate * (trial.reference_acceleration.row(row + 1) -
-                                                    trial.reference_acceleration.row(row - 1));
+        instruments.row(at).tail(m) = 0.5 * rate * (trial.reference_acceleration().row(row + 1) -
+                                                    trial.reference_acceleration().row(row - 1));
       }
     }
   }
   rows = at;
   const auto scaled = [rows](const Matrix& columns) {
-    const Matrix used = columns.topRows(rows);
-    return Matrix(used * used.colwise().norm().cwiseMax(1e-300).cwiseInverse().asDiagonal());
+    const Vector norms = columns.topRows(rows).colwise().norm().transpose();
+    return Matrix(columns.topRows(rows) * norms.cwiseMax(1e-300).cwiseInverse().asDiagonal());
   };
   Matrix basis;  // orthonormal columns that span the instruments
   if (instrumental) {

@@ -5,7 +5,6 @@
 #include "base/types.hpp"
 #include "ident/linear.hpp"
 #include "ident/prepare.hpp"
-#include "record/record.hpp"
 
 namespace ulna {
 
@@ -16,8 +15,9 @@ struct MotionShare {
   Vector total;    // axes: over the whole band, weighted by power
 };
 
-// Empty without a reference or when the longest trial is too short for two averages.
-MotionShare motion_share(const Record& record, const Roles& roles, double band_hz);
+// From prepared signals: one filter for all leaves coherence as it is, up to the band it passes.
+// Empty without a reference or when the trials are too short to average.
+MotionShare motion_share(const Prepared& prepared, double band_hz);
 
 // Is the least-squares estimate compatible with the instrumental one? Wald test of the difference of
 // their parameters with its Newey-West covariance (the two share their noise: Hausman's shortcut does

@@ -16,7 +16,7 @@ namespace ulna {
 namespace {
 
 constexpr double kDefaultLowpassHz = 5.0;   // Dyck 2013: movements of 0 to 3 Hz
-constexpr double kLargestLowpassHz = 50.0;  // the fastest single-joint perturbations in use
+constexpr double kLargestLowpassHz = 60.0;  // the fastest single-joint perturbations in use
 // The published pair, 101 samples and 5 Hz at 1 kHz, kept in proportion at other cut-offs.
 constexpr double kWindowTimesLowpass = 0.505;
 constexpr int kDefaultOrder = 6;
@@ -114,36 +114,23 @@ PreparedTrial prepare_trial(const Record& record, const Trial& trial, const Role
   const Matrix force = collect(record, trial, roles.force);
   const Matrix reference = collect(record, trial, roles.reference);
 
-  // Columns: n x (position, velocity, acceleration), n x force, m x (reference and derivatives).
-  Matrix all(rows, 3 * n + n + 3 * m);
+  Matrix table(rows, 4 * n + 3 * m);
+  Matrix three(rows, 3);
   const auto differentiate = [&](const Matrix& signals, Index first) {
     const Index count = signals.cols();
-    Matrix three(rows, 3);
     for (Index k = 0; k < count; ++k) {
       savgol_correlate(plan.kernels, signals.col(k), three);
-      for (Index d = 0; d < 3; ++d) all.col(first + d * count + k) = three.col(d);
+      for (Index d = 0; d < 3; ++d) table.col(first + d * count + k) = three.col(d);
     }
   };
   differentiate(motion, 0);
-  Matrix one(rows, 1);
   const Matrix value_kernel = plan.kernels.leftCols(1);
   for (Index k = 0; k < n; ++k) {
-    savgol_correlate(value_kernel, force.col(k), one);
-    all.col(3 * n + k) = one.col(0);
+    savgol_correlate(value_kernel, force.col(k), table.middleCols(3 * n + k, 1));
   }
-  if (m > 0) differentiate(reference, 4 * n);
-  if (plan.lowpass) filter_zero_phase(plan.sos, plan.zero_phase, all);
-
-  PreparedTrial out;
-  out.begin = trial.begin + half;
-  out.position = all.middleCols(0, n);
-  out.velocity = all.middleCols(n, n);
-  out.acceleration = all.middleCols(2 * n, n);
-  out.force = all.middleCols(3 * n, n);
-  out.reference = all.middleCols(4 * n, m);
-  out.reference_rate = all.middleCols(4 * n + m, m);
-  out.reference_acceleration = all.middleCols(4 * n + 2 * m, m);
-  return out;
+  differentiate(reference, 4 * n);
+  if (plan.lowpass) filter_zero_phase(plan.sos, plan.zero_phase, table);
+  return {trial.begin + half, n, m, std::move(table)};
 }
 
 // -3 dB frequency of the value kernel times the two passes.
@@ -198,9 +185,9 @@ double motion_band(const Record& record, const std::vector<Index>& channels, dou
   const Index segment = std::min<Index>(longest, static_cast<Index>(4.0 * record.rate_hz()));
   std::vector<RowRange> ranges;
   for (const Trial& trial : record.trials()) {
-    // A minute of each trial and 50 trials tell the band as well as all of them.
+    // Twenty seconds of each of fifty trials tell the band as well as all of them.
     if (ranges.size() < 50 && trial.end - trial.begin >= segment) {
-      const Index most = std::max(segment, static_cast<Index>(60.0 * record.rate_hz()));
+      const Index most = std::max(segment, static_cast<Index>(20.0 * record.rate_hz()));
       ranges.push_back({trial.begin, std::min(trial.end, trial.begin + most)});
     }
   }
@@ -241,12 +228,15 @@ Prepared prepare(const Record& record, const Roles& roles, const PrepareOptions&
   report.lowpass_chosen = options.lowpass_hz == 0.0;
   double lowpass = options.lowpass_hz;
   if (report.lowpass_chosen) {
-    lowpass = std::clamp(report.motion_band_hz, kDefaultLowpassHz, kLargestLowpassHz);
-    lowpass = std::min(lowpass, 0.2 * rate);
+    // Both passes together have to pass the band of the motion.
+    const double most = std::min(kLargestLowpassHz, 0.2 * rate);
+    lowpass = std::clamp(corrected_cutoff(report.lowpass_order,
+                                          std::clamp(report.motion_band_hz, 0.1 * most, most), rate),
+                         std::min(kDefaultLowpassHz, most), most);
   }
   require(std::isfinite(lowpass) && lowpass < 0.5 * rate, "lowpass_hz",
           "the low pass must lie below half the sampling rate, " + std::to_string(0.5 * rate) + " Hz");
-  if (options.corrected && lowpass > 0.0) {
+  if (options.corrected && options.lowpass_hz > 0.0) {
     lowpass = corrected_cutoff(report.lowpass_order, lowpass, rate);
   }
 

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "base/token.hpp"
@@ -17,7 +18,7 @@ struct PrepareOptions {
   int window = 0;             // samples, odd; 0: from the low pass (101 at 1 kHz and 5 Hz)
   int order = 0;              // of the polynomial; 0: 6
   int lowpass_order = 0;      // 0: 5
-  double lowpass_hz = 0.0;    // 0: from the motion, 5 to 50 Hz; negative: no low pass
+  double lowpass_hz = 0.0;    // 0: from the motion, 5 to 60 Hz; negative: no low pass
   bool corrected = false;     // lowpass_hz is the effective -3 dB frequency after both passes
   bool plain_savgol = false;  // derivative kernels as published, not matched to the value kernel
   ZeroPhase zero_phase;
@@ -46,11 +47,30 @@ struct PrepareReport {
 };
 
 // One trial after preparation. Rows are the record's rows [begin, begin + rows).
-struct PreparedTrial {
-  Index begin = 0;
-  Matrix position, velocity, acceleration, force;  // rows x n
-  Matrix reference, reference_rate, reference_acceleration;
-  Index rows() const noexcept { return position.rows(); }
+class PreparedTrial {
+ public:
+  // table: position, velocity, acceleration (n columns each), force (n), then reference, its rate and
+  // its acceleration (m each).
+  PreparedTrial() = default;
+  PreparedTrial(Index begin, Index n, Index m, Matrix table)
+      : begin_(begin), n_(n), m_(m), table_(std::move(table)) {}
+
+  Index begin() const noexcept { return begin_; }
+  Index rows() const noexcept { return table_.rows(); }
+  auto position() const { return table_.middleCols(0, n_); }
+  auto velocity() const { return table_.middleCols(n_, n_); }
+  auto acceleration() const { return table_.middleCols(2 * n_, n_); }
+  auto force() const { return table_.middleCols(3 * n_, n_); }
+  auto reference() const { return table_.middleCols(4 * n_, m_); }
+  auto reference_rate() const { return table_.middleCols(4 * n_ + m_, m_); }
+  auto reference_acceleration() const { return table_.middleCols(4 * n_ + 2 * m_, m_); }
+  const Matrix& table() const noexcept { return table_; }
+
+ private:
+  Index begin_ = 0;
+  Index n_ = 0;
+  Index m_ = 0;
+  Matrix table_;
 };
 
 struct Prepared {

@@ -64,8 +64,7 @@ EllipseInterval ellipse_interval(const Matrix& z, const Matrix& draws, double le
   double sine = 0.0;
   for (Index i = 0; i < draws.rows(); ++i) {
     if (!draws.row(i).allFinite()) continue;
-    const Vector draw = draws.row(i);  // Eigen 3.4.0 reshapes a strided row wrongly
-    const Ellipse e = ellipse_of(draw.reshaped<Eigen::RowMajor>(2, 2));
+    const Ellipse e = ellipse_of(matrix_of_row(draws, i, 0, 2));
     major.push_back(e.major);
     minor.push_back(e.minor);
     area.push_back(e.area);

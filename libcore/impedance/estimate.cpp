@@ -60,8 +60,8 @@ Split split_rows(const Record& record, const Prepared& prepared, double train_s)
       if (segment.trial == static_cast<int>(t)) segments.push_back(segment);
     }
     const auto add = [&](std::vector<Span>& list, Index begin, Index end) {
-      begin = std::max<Index>(begin - trial.begin, 0);
-      end = std::min(end - trial.begin, trial.rows());
+      begin = std::max<Index>(begin - trial.begin(), 0);
+      end = std::min(end - trial.begin(), trial.rows());
       if (begin < end) list.push_back({static_cast<int>(t), begin, end});
     };
     if (segments.size() > 1 && train_s == 0.0) {
@@ -147,22 +147,6 @@ Matrix natural_jacobian(const Matrix& theta) {
   return jacobian;
 }
 
-// Rows: natural parameters of theta drawn from a normal distribution.
-Matrix gaussian_draws(const Matrix& theta, const Matrix& covariance, const Vector& position_mean,
-                      Index count, std::uint64_t seed) {
-  const Eigen::SelfAdjointEigenSolver<Matrix> eigen(covariance);
-  const Matrix root = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
-  Matrix out(count, natural_size(theta.cols()));
-  Vector normal(covariance.cols());
-  for (Index i = 0; i < count; ++i) {
-    Random random(seed, kDrawStream + static_cast<std::uint64_t>(i));
-    for (Index j = 0; j < normal.size(); ++j) normal[j] = random.normal();
-    const Vector drawn = theta.reshaped() + root * normal;
-    out.row(i) = natural_of(drawn.reshaped(theta.rows(), theta.cols()), position_mean).transpose();
-  }
-  return out;
-}
-
 Matrix sample_covariance(const Matrix& rows) {
   const Matrix centred = rows.rowwise() - rows.colwise().mean();
   return centred.transpose() * centred / static_cast<double>(rows.rows() - 1);
@@ -171,6 +155,7 @@ Matrix sample_covariance(const Matrix& rows) {
 void set_parameters(ImpedanceFit& fit, const Matrix& theta, const Vector& position_mean) {
   const Index n = theta.cols();
   fit.theta = theta;
+  fit.position_mean = position_mean;
   fit.m = theta.middleRows(0, n).transpose();
   fit.b = theta.middleRows(n, n).transpose();
   fit.k = theta.middleRows(2 * n, n).transpose();
@@ -345,14 +330,30 @@ std::string bias_sentence(const DifferenceTest& test, const ImpedanceFit& iv, co
 
 }  // namespace
 
+Matrix parameter_draws(const ImpedanceFit& fit) {
+  if (fit.replicates.size() > 0) return fit.replicates;
+  const Eigen::SelfAdjointEigenSolver<Matrix> eigen(fit.theta_covariance);
+  const Matrix root = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
+  Matrix out(fit.draw_count, natural_size(fit.theta.cols()));
+  Vector normal(root.cols());
+  for (Index i = 0; i < out.rows(); ++i) {
+    Random random(fit.seed, kDrawStream + static_cast<std::uint64_t>(i));
+    for (Index j = 0; j < normal.size(); ++j) normal[j] = random.normal();
+    const Vector drawn = fit.theta.reshaped() + root * normal;
+    out.row(i) =
+        natural_of(drawn.reshaped(fit.theta.rows(), fit.theta.cols()), fit.position_mean).transpose();
+  }
+  return out;
+}
+
 Matrix predict_force(const ImpedanceEstimate& estimate, const ImpedanceFit& fit, int trial) {
   const PreparedTrial& data = estimate.prepared->trials[static_cast<std::size_t>(trial)];
   const Index n = estimate.n;
-  Matrix force = -(data.acceleration * fit.theta.middleRows(0, n) +
-                   data.velocity * fit.theta.middleRows(n, n) +
-                   (data.position.rowwise() - estimate.position_mean.transpose()) *
+  Matrix force = -(data.acceleration() * fit.theta.middleRows(0, n) +
+                   data.velocity() * fit.theta.middleRows(n, n) +
+                   (data.position().rowwise() - fit.position_mean.transpose()) *
                        fit.theta.middleRows(2 * n, n) +
-                   estimate.payload_kg * data.acceleration);
+                   estimate.payload_kg * data.acceleration());
   force.rowwise() -= fit.theta.row(3 * n);
   return force;
 }
@@ -388,7 +389,7 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
   out.prepared = prepared;
   out.report = prepared->report;
   for (const PreparedTrial& trial : prepared->trials) {
-    out.times.push_back(Eigen::Map<const Vector>(record.time().data() + trial.begin, trial.rows()));
+    out.times.push_back(Eigen::Map<const Vector>(record.time().data() + trial.begin(), trial.rows()));
   }
   const double rate = record.rate_hz();
   const Split split = split_rows(record, *prepared, options.train_s);
@@ -409,7 +410,7 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
   // Validation first, on a fit that has not seen the held-out rows; then, on request, a fit to all.
   const std::vector<Span>& spans = out.refitted ? split.all : split.train;
   const Design design(*prepared, options.payload_kg, spans);
-  out.position_mean = design.position_mean();
+  const Vector& position_mean = design.position_mean();
   out.train_rows = row_count(split.train);
   out.held_out_rows = row_count(split.held_out);
 
@@ -478,7 +479,7 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
     fit.constrained = solved[e].constrained;
     if (!solved[e].converged) fit.outcome |= kNotConverged;
     if (fit.condition > kIllCondition) fit.outcome |= kIllConditioned;
-    set_parameters(fit, solved[e].fit.theta, out.position_mean);
+    set_parameters(fit, solved[e].fit.theta, position_mean);
     validate(design, split.held_out, trained[e].fit.theta, rate, options.seed, fit.vaf, &fit.vaf_interval);
     validate(design, split.train, trained[e].fit.theta, rate, options.seed, fit.vaf_train, nullptr);
     const Vector& vaf = fit.vaf.allFinite() ? fit.vaf : fit.vaf_train;
@@ -494,18 +495,18 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
       const Matrix thetas =
           block_bootstrap(design, blocks, solved[e].fit.transform, fit.estimator, options.bootstrap,
                           options.seed, options.threads, token);
-      fit.draws.resize(thetas.rows(), natural_size(n));
+      fit.replicates.resize(thetas.rows(), natural_size(n));
       for (Index i = 0; i < thetas.rows(); ++i) {
         const Vector theta = thetas.row(i);  // Eigen 3.4.0 reshapes a strided row wrongly
-        fit.draws.row(i) =
-            natural_of(theta.reshaped(parameters, n), out.position_mean).transpose();
+        fit.replicates.row(i) = natural_of(theta.reshaped(parameters, n), position_mean).transpose();
       }
-      fit.covariance = sample_covariance(fit.draws);
+      fit.covariance = sample_covariance(fit.replicates);
     } else {
-      const Matrix own = covariance.block(at, at, each, each);
+      fit.theta_covariance = covariance.block(at, at, each, each);
       const Matrix jacobian = natural_jacobian(solved[e].fit.theta);
-      fit.covariance = jacobian * own * jacobian.transpose();
-      fit.draws = gaussian_draws(solved[e].fit.theta, own, out.position_mean, options.draws, options.seed);
+      fit.covariance = jacobian * fit.theta_covariance * jacobian.transpose();
+      fit.draw_count = options.draws;
+      fit.seed = options.seed;
     }
   }
 
@@ -515,7 +516,7 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
     for (const Factor& factor : factors) {
       if (factor.rows < 10 * parameters) continue;
       const Solved s = solve_structured(factor, options.structure, wanted[0]);
-      TrialFit trial{natural_of(s.fit.theta, out.position_mean), s.fit.condition};
+      TrialFit trial{natural_of(s.fit.theta, position_mean), s.fit.condition};
       table.row(used++) = trial.natural.transpose();
       out.trials.push_back(std::move(trial));
     }
@@ -527,7 +528,7 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
   }
 
   const double band = out.report.lowpass_hz > 0.0 ? out.report.lowpass_hz : 0.2 * rate;
-  out.motion = motion_share(record, roles, band);
+  out.motion = motion_share(*prepared, band);
   out.lag = check_lag(*prepared, spans, wanted[0], options.hac_lag_s);
 
   // ------------------------------------------------------------------------------- what to say of it

@@ -59,7 +59,6 @@ struct ImpedanceFit {
   Matrix m, b, k;     // n x n
   Vector x0;          // n; NaN when K is singular
   Matrix covariance;  // of the natural parameters
-  Matrix draws;       // draws x natural: Gaussian, or the bootstrap replicates
   Vector vaf;         // percent, per axis, on held-out rows; NaN when there are none
   Vector vaf_train;
   Matrix vaf_interval;  // 2 x n, 95 %, block bootstrap of the held-out rows
@@ -67,7 +66,16 @@ struct ImpedanceFit {
   std::uint32_t outcome = kGood;
   bool constrained = false;  // a positive-semidefinite constraint is active
   Matrix theta;              // (3 n + 1) x n, with positions centred on position_mean
+  Vector position_mean;
+  // What parameter_draws needs: bootstrap replicates, or the covariance of vec(theta).
+  Matrix replicates;
+  Matrix theta_covariance;
+  Index draw_count = 0;
+  std::uint64_t seed = 0;
 };
+
+// draws x natural parameters: the bootstrap replicates, or Gaussian draws from the covariance.
+Matrix parameter_draws(const ImpedanceFit& fit);
 
 struct TrialFit {
   Vector natural;
@@ -92,7 +100,6 @@ struct ImpedanceEstimate {
   Index train_rows = 0;
   Index held_out_rows = 0;
   bool refitted = false;
-  Vector position_mean;
   std::vector<std::string> warnings;  // one sentence each
   std::vector<std::string> notes;
   std::vector<std::string> provenance;

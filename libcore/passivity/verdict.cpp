@@ -36,16 +36,12 @@ struct ModelDraws {
 ModelDraws draw_model(const ImpedanceEstimate& estimate, const ModelMargins& best,
                       double antisymmetry_threshold) {
   const Index n = estimate.n;
-  const Matrix& draws = estimate.fit.draws;
+  const Matrix draws = parameter_draws(estimate.fit);
   ModelDraws out;
   Index passive = 0;
   Index valid = 0;
   for (Index i = 0; i < draws.rows(); ++i) {
-    const auto part = [&](Index term) {
-      // Eigen 3.4.0 reshapes a strided row wrongly: copy it first.
-      const Vector entries = draws.row(i).segment(term * n * n, n * n);
-      return Matrix(entries.reshaped<Eigen::RowMajor>(n, n));
-    };
+    const auto part = [&](Index term) { return matrix_of_row(draws, i, term * n * n, n); };
     if (!draws.row(i).head(3 * n * n).allFinite()) continue;
     const ModelMargins margins = model_passivity(part(0), part(1), part(2), antisymmetry_threshold);
     out.m_min.push_back(margins.m_min);
@@ -64,8 +60,8 @@ ModelDraws draw_model(const ImpedanceEstimate& estimate, const ModelMargins& bes
 double stored_energy(const ImpedanceEstimate& estimate, const PreparedTrial& trial) {
   const ImpedanceFit& fit = estimate.fit;
   if (!fit.x0.allFinite()) return 0.0;
-  const Vector offset = trial.position.row(0).transpose() - fit.x0;
-  const Vector velocity = trial.velocity.row(0).transpose();
+  const Vector offset = trial.position().row(0).transpose() - fit.x0;
+  const Vector velocity = trial.velocity().row(0).transpose();
   return std::max(0.0, 0.5 * offset.dot(fit.k * offset) + 0.5 * velocity.dot(fit.m * velocity));
 }
 
@@ -143,7 +139,7 @@ Verdict assess_passivity(const ImpedanceEstimate& estimate, const VerdictOptions
 
   std::vector<double> beta;
   for (const PreparedTrial& trial : estimate.prepared->trials) {
-    out.series.push_back(absorbed_energy(trial.force, trial.velocity, estimate.report.rate_hz));
+    out.series.push_back(absorbed_energy(trial.force(), trial.velocity(), estimate.report.rate_hz));
     beta.push_back(-stored_energy(estimate, trial));
   }
   out.beta_j = *std::min_element(beta.begin(), beta.end());

@@ -12,6 +12,8 @@ namespace {
 // Frequencies at which the responses are matched: the response of a short kernel is smooth, so a
 // Chebyshev grid of this size leaves no room between its points.
 constexpr int kGrid = 24;
+// Beyond this multiple of its -3 dB frequency the value kernel passes nothing worth matching.
+constexpr double kWidest = 1.25;
 
 }  // namespace
 
@@ -19,7 +21,7 @@ Matrix matched_kernels(const SavgolSpec& spec, int max_derivative, double rate_h
   Matrix kernels = savgol_kernels(spec, max_derivative, rate_hz);
   require(band_hz > 0.0, "band_hz", "the band to match must be above 0 Hz");
   const Index half = (spec.window - 1) / 2;
-  const double top = 2.0 * kPi * std::min(band_hz / rate_hz, 0.25 * savgol_cutoff(spec));
+  const double top = 2.0 * kPi * std::min(band_hz / rate_hz, kWidest * 0.5 * savgol_cutoff(spec));
 
   // Kernels are even or odd, so cosine or sine weights of the positive half are the unknowns.
   Matrix cosines(kGrid, half + 1);

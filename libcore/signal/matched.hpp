@@ -15,7 +15,7 @@
 namespace ulna {
 
 // window x (max_derivative + 1) as savgol_kernels; column 0 is unchanged. band_hz: upper end of the
-// band to match, above 0; it is limited to half the value kernel's -3 dB frequency.
+// band to match, above 0; it is limited to 1.25 times the value kernel's -3 dB frequency.
 Matrix matched_kernels(const SavgolSpec& spec, int max_derivative, double rate_hz, double band_hz);
 
 }  // namespace ulna

@@ -142,7 +142,7 @@ typedef struct ulna_impedance_options {
   double poor_vaf;                     /* percent, below it the fit is called poor; 0: 80 */
   int64_t bootstrap;                   /* resamples; 0: 1000 */
   int64_t draws;                       /* for derived intervals; 0: 4000 */
-  uint64_t seed;                       /* of draws and resamples; 0 is a seed */
+  int64_t seed;                        /* of draws and resamples; 0 is a seed */
   int32_t threads;                     /* 0: one per processor; results do not depend on it */
   int32_t reserved;                    /* zero */
 } ulna_impedance_options;

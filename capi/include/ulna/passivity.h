@@ -39,7 +39,7 @@ typedef struct ulna_passivity_options {
   double min_share;              /* of the motion before which energy is not judged; 0: 0.05; < 0: 0 */
   double block_s;                /* of the energy bootstrap; 0: 2 s */
   int64_t bootstrap;             /* resamples; 0: 1000 */
-  uint64_t seed;                 /* 0 is a seed */
+  int64_t seed;                  /* 0 is a seed */
 } ulna_passivity_options;
 
 /** Margins of M, B and K.
