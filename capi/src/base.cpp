@@ -163,7 +163,10 @@ const char* ulna_release(void) { return ULNA_RELEASE_TEXT; }
 const char* ulna_build(void) { return ULNA_BUILD_TEXT; }
 
 ulna_status ulna_token_new(ulna_token** out_token) {
-  return guarded([&] { deref(out_token, "out_token") = new ulna_token; });
+  return guarded([&] {
+    ulna_token*& out = deref(out_token, "out_token");  // before there is anything to leak
+    out = new ulna_token;
+  });
 }
 
 void ulna_token_free(ulna_token* token) { delete token; }
