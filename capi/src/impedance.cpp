@@ -87,6 +87,7 @@ Matrix values_of(const ImpedanceEstimate& estimate, const ImpedanceFit& fit, int
     case ULNA_IMPEDANCE_TRIALS: return trial_table(estimate);
     case ULNA_IMPEDANCE_TRIAL_MEAN: return rows_of(estimate.trial_mean);
     case ULNA_IMPEDANCE_TRIAL_ERROR: return rows_of(estimate.trial_error);
+    case ULNA_IMPEDANCE_VAF_REFERENCE: return rows_of(fit.vaf_reference);
     default: throw Error(Fault::kArgument, "quantity", "quantity must be an ULNA_IMPEDANCE_ constant");
   }
 }

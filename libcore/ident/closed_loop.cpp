@@ -4,16 +4,28 @@
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "signal/spectrum.hpp"
 #include "stats/distributions.hpp"
 
 namespace ulna {
 
-MotionShare motion_share(const Prepared& prepared, double band_hz) {
-  MotionShare out;
+namespace {
+
+// Power of signals per frequency, and the part of it that the references do not explain.
+struct Unexplained {
+  Vector freq_hz;
+  Matrix power;  // frequencies x signals
+  Matrix rest;
+};
+
+// signals(trial): rows x columns like the trial. Empty when there is no reference or too little data.
+template <class Signals>
+Unexplained unexplained_power(const Prepared& prepared, Index columns, double band_hz,
+                              const Signals& signals) {
+  Unexplained out;
   const Index m = static_cast<Index>(prepared.roles.reference.size());
-  const Index n = static_cast<Index>(prepared.roles.position.size());
   if (m == 0) return out;
 
   // Nothing is left above a few times the band: every stride-th row carries all of it.
@@ -33,35 +45,32 @@ MotionShare motion_share(const Prepared& prepared, double band_hz) {
   const Index segment = std::min<Index>(static_cast<Index>(8.0 * rate), longest / 5) / 2 * 2;
   if (segment < 32) return out;
   std::vector<RowRange> ranges;
-  Matrix signals(rows, m + n);
+  Matrix all(rows, m + columns);
   for (std::size_t t = 0; t < trials.size(); ++t) {
-    const PreparedTrial& trial = prepared.trials[t];
-    const auto every = Eigen::seqN(0, trials[t].end - trials[t].begin, stride);
-    const auto rows_of_trial = Eigen::seqN(trials[t].begin, trials[t].end - trials[t].begin);
-    signals(rows_of_trial, Eigen::seqN(0, m)) = trial.reference()(every, Eigen::all);
-    signals(rows_of_trial, Eigen::seqN(m, n)) = trial.position()(every, Eigen::all);
-    if (trials[t].end - trials[t].begin >= segment) ranges.push_back(trials[t]);
+    const Index count = trials[t].end - trials[t].begin;
+    const auto every = Eigen::seqN(0, count, stride);
+    const auto here = Eigen::seqN(trials[t].begin, count);
+    all(here, Eigen::seqN(0, m)) = prepared.trials[t].reference()(every, Eigen::all);
+    all(here, Eigen::seqN(m, columns)) = signals(t)(every, Eigen::all);
+    if (count >= segment) ranges.push_back(trials[t]);
   }
-  const Spectra spectra = welch(signals, rate, segment, ranges);
+  const Spectra spectra = welch(all, rate, segment, ranges);
   const double averages = spectra.effective_averages;
   if (averages <= static_cast<double>(m) + 1.0) return out;
 
   double peak = 0.0;
   for (const auto& s : spectra.s) peak = std::max(peak, s.topLeftCorner(m, m).trace().real());
-  std::vector<Index> bins;
-  for (Index k = 1; k < spectra.freq_hz.size() && spectra.freq_hz[k] <= band_hz; ++k) bins.push_back(k);
-  out.freq_hz.resize(static_cast<Index>(bins.size()));
-  out.share.resize(static_cast<Index>(bins.size()), n);
-  Vector unexplained = Vector::Zero(n);
-  Vector power = Vector::Zero(n);
+  Index bins = 0;
+  while (bins + 1 < spectra.freq_hz.size() && spectra.freq_hz[bins + 1] <= band_hz) ++bins;
+  out.freq_hz = spectra.freq_hz.segment(1, bins);
+  out.power.resize(bins, columns);
+  out.rest.resize(bins, columns);
   const double debias = averages / (averages - static_cast<double>(m));
-  for (std::size_t b = 0; b < bins.size(); ++b) {
-    const auto row = static_cast<Index>(b);
-    const Eigen::MatrixXcd& s = spectra.s[static_cast<std::size_t>(bins[b])];
-    out.freq_hz[row] = spectra.freq_hz[bins[b]];
+  for (Index row = 0; row < bins; ++row) {
+    const Eigen::MatrixXcd& s = spectra.s[static_cast<std::size_t>(row + 1)];
     // Pseudo-inverse: between the lines of a multisine the reference has no power, and explains none.
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXcd> eigen(s.topLeftCorner(m, m));
-    for (Index i = 0; i < n; ++i) {
+    for (Index i = 0; i < columns; ++i) {
       const Eigen::VectorXcd cross = eigen.eigenvectors().adjoint() * s.block(0, m + i, m, 1);
       double explained = 0.0;
       for (Index j = 0; j < m; ++j) {
@@ -70,14 +79,44 @@ MotionShare motion_share(const Prepared& prepared, double band_hz) {
         }
       }
       const double total = s(m + i, m + i).real();
-      const double rest = std::clamp((total - explained) * debias, 0.0, total);
-      out.share(row, i) = total > 0.0 ? rest / total : 0.0;
-      unexplained[i] += rest;
-      power[i] += total;
+      out.power(row, i) = total;
+      out.rest(row, i) = std::clamp((total - explained) * debias, 0.0, total);
     }
   }
-  out.total = (power.array() > 0.0).select(unexplained.cwiseQuotient(power), 0.0);
   return out;
+}
+
+}  // namespace
+
+MotionShare motion_share(const Prepared& prepared, double band_hz) {
+  const Index n = static_cast<Index>(prepared.roles.position.size());
+  const Unexplained motion = unexplained_power(
+      prepared, n, band_hz, [&](std::size_t t) { return prepared.trials[t].position(); });
+  MotionShare out;
+  if (motion.power.size() == 0) return out;
+  const auto share = [](const auto& rest, const auto& power) {
+    return (power.array() > 0.0).select(rest.array() / power.array(), 0.0).matrix().eval();
+  };
+  out.freq_hz = motion.freq_hz;
+  out.share = share(motion.rest, motion.power);
+  const Vector rest = motion.rest.colwise().sum().transpose();
+  const Vector power = motion.power.colwise().sum().transpose();
+  out.total = share(rest, power);
+  return out;
+}
+
+Vector reference_vaf(const Prepared& prepared, const std::vector<Matrix>& residual, double band_hz) {
+  const Index n = static_cast<Index>(prepared.roles.position.size());
+  const Unexplained both = unexplained_power(prepared, 2 * n, band_hz, [&](std::size_t t) {
+    Matrix signals(prepared.trials[t].rows(), 2 * n);
+    signals << residual[t], prepared.trials[t].force();
+    return signals;
+  });
+  if (both.power.size() == 0) {
+    return Vector::Constant(n, std::numeric_limits<double>::quiet_NaN());
+  }
+  const Vector explained = (both.power - both.rest).colwise().sum().transpose();
+  return 100.0 * (1.0 - explained.head(n).array() / explained.tail(n).array());
 }
 
 DifferenceTest difference_test(const Fit& instrumental, const Fit& least_squares,
@@ -89,12 +128,18 @@ DifferenceTest difference_test(const Fit& instrumental, const Fit& least_squares
                             joint_covariance.bottomRightCorner(k, k) -
                             joint_covariance.topRightCorner(k, k) -
                             joint_covariance.bottomLeftCorner(k, k);
-  test.standard_error = covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
+  // Without noise both estimates agree to rounding, and a difference of rounding errors over a standard
+  // error of rounding errors means nothing: nothing below a millionth of a parameter counts.
+  const Vector floor = 1e-6 * instrumental.theta.reshaped().cwiseAbs();
+  test.standard_error =
+      (covariance.diagonal().cwiseMax(0.0) + floor.cwiseAbs2()).cwiseSqrt();
   // In units of the standard errors, through the eigenvalues that are not rounding: constrained
   // parameters leave the covariance singular.
   const Vector scale =
       (test.standard_error.array() > 0.0).select(test.standard_error.cwiseInverse(), 0.0);
-  const Eigen::SelfAdjointEigenSolver<Matrix> eigen(scale.asDiagonal() * covariance *
+  Matrix floored = covariance;
+  floored.diagonal() = test.standard_error.cwiseAbs2();
+  const Eigen::SelfAdjointEigenSolver<Matrix> eigen(scale.asDiagonal() * floored *
                                                     scale.asDiagonal());
   const Vector along = eigen.eigenvectors().transpose() * scale.cwiseProduct(test.difference);
   const double largest = std::max(eigen.eigenvalues().maxCoeff(), 0.0);

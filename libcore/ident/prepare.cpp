@@ -223,7 +223,9 @@ Prepared prepare(const Record& record, const Roles& roles, const PrepareOptions&
   out.roles = roles;
   PrepareReport& report = out.report;
   report.rate_hz = rate;
-  report.motion_band_hz = motion_band(record, roles.position, 0.95, 0.2 * rate);
+  // The band of the perturbation where it is known: the human's tremor lies above it.
+  report.motion_band_hz = motion_band(
+      record, roles.reference.empty() ? roles.position : roles.reference, 0.95, 0.2 * rate);
   report.lowpass_order = options.lowpass_order == 0 ? kDefaultLowpassOrder : options.lowpass_order;
   report.lowpass_chosen = options.lowpass_hz == 0.0;
   double lowpass = options.lowpass_hz;

@@ -38,7 +38,7 @@ struct PrepareReport {
   int lowpass_order = 0;             // 0: no low pass
   double lowpass_hz = 0.0;           // design frequency of one pass; 0: no low pass
   double effective_cutoff_hz = 0.0;  // -3 dB of the whole smoother for the value
-  double motion_band_hz = 0.0;       // 95 % of the power of velocity lies below
+  double motion_band_hz = 0.0;       // 95 % of the power of velocity (of the reference's, if any)
   Index dropped_rows = 0;            // at either end of every trial: no full window
   Index pad_rows = 0;                // odd extension at either end
   Index transient_rows = 0;          // at either end: the extension still shows (share epsilon)

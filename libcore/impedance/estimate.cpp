@@ -221,6 +221,22 @@ void validate(const Design& design, const std::vector<Span>& spans, const Matrix
   }
 }
 
+// Force by (3.2) at prepared rows, payload included.
+Matrix predicted(const PreparedTrial& data, const ImpedanceFit& fit, double payload_kg) {
+  const Index n = fit.theta.cols();
+  Matrix force = -(data.acceleration() * fit.theta.middleRows(0, n) +
+                   data.velocity() * fit.theta.middleRows(n, n) +
+                   (data.position().rowwise() - fit.position_mean.transpose()) *
+                       fit.theta.middleRows(2 * n, n) +
+                   payload_kg * data.acceleration());
+  force.rowwise() -= fit.theta.row(3 * n);
+  return force;
+}
+
+const Vector& judged_vaf(const ImpedanceFit& fit) {
+  return fit.vaf.allFinite() ? fit.vaf : fit.vaf_train;
+}
+
 // ------------------------------------------------------------------------------- what cannot be learnt
 
 // Names of the free parameters in the order of structure_map, found from the map itself.
@@ -347,15 +363,7 @@ Matrix parameter_draws(const ImpedanceFit& fit) {
 }
 
 Matrix predict_force(const ImpedanceEstimate& estimate, const ImpedanceFit& fit, int trial) {
-  const PreparedTrial& data = estimate.prepared->trials[static_cast<std::size_t>(trial)];
-  const Index n = estimate.n;
-  Matrix force = -(data.acceleration() * fit.theta.middleRows(0, n) +
-                   data.velocity() * fit.theta.middleRows(n, n) +
-                   (data.position().rowwise() - fit.position_mean.transpose()) *
-                       fit.theta.middleRows(2 * n, n) +
-                   estimate.payload_kg * data.acceleration());
-  force.rowwise() -= fit.theta.row(3 * n);
-  return force;
+  return predicted(estimate.prepared->trials[static_cast<std::size_t>(trial)], fit, estimate.payload_kg);
 }
 
 ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOptions& options,
@@ -463,6 +471,8 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
     require_determined(solved[0].fit, out.axes, options.condition_limit);
   }
 
+  const double band = out.report.lowpass_hz > 0.0 ? out.report.lowpass_hz : 0.2 * rate;
+
   // Covariance of all estimators together: their difference is tested below.
   std::vector<const Fit*> fits;
   for (const Solved& s : solved) fits.push_back(&s.fit);
@@ -482,8 +492,17 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
     set_parameters(fit, solved[e].fit.theta, position_mean);
     validate(design, split.held_out, trained[e].fit.theta, rate, options.seed, fit.vaf, &fit.vaf_interval);
     validate(design, split.train, trained[e].fit.theta, rate, options.seed, fit.vaf_train, nullptr);
-    const Vector& vaf = fit.vaf.allFinite() ? fit.vaf : fit.vaf_train;
-    if (vaf.minCoeff() < options.poor_vaf) fit.outcome |= kPoorFit;
+    std::vector<Matrix> residual;
+    for (std::size_t t = 0; have_reference && t < prepared->trials.size(); ++t) {
+      residual.push_back(prepared->trials[t].force() -
+                         predicted(prepared->trials[t], fit, options.payload_kg));
+    }
+    fit.vaf_reference = reference_vaf(*prepared, residual, band);
+    const Vector& vaf = judged_vaf(fit);
+    for (Index i = 0; i < n; ++i) {
+      const double excused = fit.vaf_reference[i];  // NaN excuses nothing
+      if (vaf[i] < options.poor_vaf && !(excused >= options.poor_vaf)) fit.outcome |= kPoorFit;
+    }
     if (options.errors == ErrorModel::kBlockBootstrap) {
       const std::vector<Span> blocks =
           split.segmented ? spans : cut(spans, static_cast<Index>(options.block_s * rate));
@@ -527,7 +546,6 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
     }
   }
 
-  const double band = out.report.lowpass_hz > 0.0 ? out.report.lowpass_hz : 0.2 * rate;
   out.motion = motion_share(*prepared, band);
   out.lag = check_lag(*prepared, spans, wanted[0], options.hac_lag_s);
 
@@ -558,10 +576,16 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
         "The log holds no reference (commanded perturbation), so it cannot be checked whether the human "
         "caused part of the motion; if so, least squares is biased towards minus the robot's impedance.");
   }
+  Index worst = 0;
+  const double low = judged_vaf(out.fit).minCoeff(&worst);
+  if (low < options.poor_vaf && (out.fit.outcome & kPoorFit) == 0) {
+    out.notes.push_back(sentence(
+        3, "The model accounts for ", low, " % of the held-out force along ",
+        out.axes[static_cast<std::size_t>(worst)], ", but for ", out.fit.vaf_reference[worst],
+        " % of what the perturbation caused: the rest is the human's own force, not a defect of the "
+        "model."));
+  }
   if ((out.fit.outcome & kPoorFit) != 0) {
-    const Vector& vaf = out.fit.vaf.allFinite() ? out.fit.vaf : out.fit.vaf_train;
-    Index worst = 0;
-    const double low = vaf.minCoeff(&worst);
     out.warnings.push_back(sentence(
         3, "A second-order model does not describe this recording: it accounts for only ", low,
         " % of the variance of the held-out force along ", out.axes[static_cast<std::size_t>(worst)],

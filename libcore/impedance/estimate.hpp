@@ -26,7 +26,7 @@ enum class Refit { kAuto, kYes, kNo };
 enum Outcome : std::uint32_t {
   kGood = 0,
   kClosedLoopBiased = 1u << 0,  // least squares differs from instrumental variables
-  kPoorFit = 1u << 1,           // held-out VAF of an axis below the limit
+  kPoorFit = 1u << 1,  // VAF of an axis below the limit, and not for the human's own force
   kIllConditioned = 1u << 2,
   kForceLag = 1u << 3,      // force and motion are not simultaneous
   kNotConverged = 1u << 4,  // of the constrained fit
@@ -61,6 +61,7 @@ struct ImpedanceFit {
   Matrix covariance;  // of the natural parameters
   Vector vaf;         // percent, per axis, on held-out rows; NaN when there are none
   Vector vaf_train;
+  Vector vaf_reference;  // percent, of the force that the perturbation caused; NaN without a reference
   Matrix vaf_interval;  // 2 x n, 95 %, block bootstrap of the held-out rows
   double condition = 0.0;
   std::uint32_t outcome = kGood;

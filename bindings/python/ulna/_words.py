@@ -40,28 +40,33 @@ def _entry(value: float, error: float) -> str:
 
 
 def _table(estimate: ImpedanceEstimate) -> list[str]:
-    lines = []
+    """Rows of M, B, K and x0; least squares stands beside them where there is room for all."""
     beside = estimate.least_squares
+    lines = []
+    widest = max(
+        len(_entry(v, s))
+        for name in ("M", "B", "K")
+        for v, s in zip(getattr(estimate, name).ravel(), estimate.se(name).ravel(), strict=True)
+    )
+    width = max(16, widest + 2)
     for name, word in _NAMES.items():
         value, error = np.asarray(getattr(estimate, name)), np.asarray(estimate.se(name))
-        unit = estimate.units[name]
-        scale = 1e3 if name == "x0" and not estimate.rotational else 1.0
-        if scale != 1.0:
-            unit = "mm"
-        rows = np.atleast_2d(scale * value) if name != "x0" else scale * value[:, None]
-        spreads = np.atleast_2d(scale * error) if name != "x0" else scale * error[:, None]
-        other = None
-        if beside is not None:
-            other = np.asarray(getattr(beside, name)) * scale
-            other = np.atleast_2d(other) if name != "x0" else other[:, None]
-        for i, (row, spread) in enumerate(zip(rows, spreads, strict=True)):
-            head = f"{name:>2} {word:<12}{unit:<11}" if i == 0 else " " * 26
-            line = head + "".join(f"{_entry(v, s):>18}" for v, s in zip(row, spread, strict=True))
-            if other is not None and len(line) + 4 + 8 * len(row) <= _WIDTH:
-                line += "  | " + " ".join(
-                    f"{_figures(v, s):>7}" for v, s in zip(other[i], spread, strict=True)
+        other = value if beside is None else np.asarray(getattr(beside, name))
+        unit, scale = estimate.units[name], 1.0
+        if unit == "m":
+            unit, scale = "mm", 1e3
+        if name == "x0":  # one entry a row, in the first column
+            value, error, other = value[:, None], error[:, None], other[:, None]
+        for i, (row, spread) in enumerate(zip(scale * value, scale * error, strict=True)):
+            head = f"{name:>2} {word:<12}{unit:<10}" if i == 0 else ""
+            entries = "".join(f"{_entry(v, s):>{width}}" for v, s in zip(row, spread, strict=True))
+            line = f"{head:<25}{entries}"
+            if beside is not None and estimate.n <= 2:
+                least = "".join(
+                    f"{_figures(v, s):>8}" for v, s in zip(scale * other[i], spread, strict=True)
                 )
-            lines.append(line.rstrip())
+                line = f"{line:<{25 + width * estimate.n}} |{least}"
+            lines.append(line)
     return lines
 
 
@@ -69,55 +74,77 @@ def _band(low: float, high: float, digits: str = ".1f") -> str:
     return f"{low:{digits}} to {high:{digits}}"
 
 
+def _fact(name: str, text: str) -> str:
+    return textwrap.fill(
+        text, _WIDTH, initial_indent=f"{name:<23}", subsequent_indent=" " * 23, break_long_words=False
+    )
+
+
+def _per_axis(estimate: ImpedanceEstimate, entries: list[str]) -> str:
+    return ", ".join(f"{axis} {entry}" for axis, entry in zip(estimate.axes, entries, strict=True))
+
+
 def impedance_summary(estimate: ImpedanceEstimate) -> str:
     """Table of M, B, K and x0 with standard errors, validation, checks and warnings."""
     what = "Joint" if estimate.rotational else "Endpoint"
+    beside = estimate.least_squares is not None and estimate.n <= 2
     lines = [
-        f"{what} impedance of {estimate.n} {'axis' if estimate.n == 1 else 'axes'} "
-        f"({', '.join(estimate.axes)}), by {_ESTIMATORS[estimate.estimator]}",
-        "M x'' + B x' + K (x - x0) = -F, F by the human on the robot; value ± standard error"
-        if estimate.least_squares is None
-        else "value ± standard error, and least squares beside it (|)",
+        f"{what} impedance along {', '.join(estimate.axes)}: M x'' + B x' + K (x - x0) = -F",
+        _paragraph(
+            f"by {_ESTIMATORS[estimate.estimator]}; value ± standard error"
+            + (" | least squares" if beside else "")
+        ),
         "",
         *_table(estimate),
         "",
+        *_facts(estimate),
     ]
-    vaf = "  ".join(
-        f"{axis} {value:.1f} % ({_band(low, high)})"
-        for axis, value, low, high in zip(
-            estimate.axes, estimate.vaf, *estimate.vaf_interval, strict=True
-        )
-    )
-    rate = estimate.preprocessing.rate_hz
-    if estimate.held_out_rows:
-        lines.append(
-            f"VAF on held-out data   {vaf}   [{estimate.train_rows / rate:.3g} s identify, "
-            f"{estimate.held_out_rows / rate:.3g} s validate]"
-        )
-    filters = estimate.preprocessing
-    lowpass = f"low pass {filters.lowpass_hz:.3g} Hz, " if filters.lowpass_order else ""
-    lines.append(
-        f"Filters                {lowpass}window {filters.window} samples at {rate:.4g} Hz, "
-        f"-3 dB at {filters.effective_cutoff_hz:.3g} Hz"
-    )
-    lines.append(f"Condition number       {estimate.condition:.3g}")
-    if estimate.rho is not None:
-        share = "  ".join(
-            f"{axis} {100 * value:.0f} %"
-            for axis, value in zip(estimate.axes, estimate.rho.total, strict=True)
-        )
-        lines.append(f"Motion by the human    {share}  (power the reference does not explain)")
-    if np.isfinite(estimate.lag_s):
-        lines.append(
-            f"Force after motion     {1e3 * estimate.lag_s:.2g} ms ± {1e3 * estimate.lag_se_s:.2g} ms"
-        )
     if estimate.trial_mean is not None:
-        lines.append("")
-        lines += _trials(estimate)
+        lines += ["", *_trials(estimate)]
     lines += ["", f"Outcome: {estimate.outcome.replace('_', ' ')}"]
     lines += [_paragraph(words, "  ! ") for words in estimate.warnings]
     lines += [_paragraph(words, "  - ") for words in estimate.notes]
     return "\n".join(lines)
+
+
+def _facts(estimate: ImpedanceEstimate) -> list[str]:
+    filters = estimate.preprocessing
+    rate = filters.rate_hz
+    lines = []
+    if estimate.held_out_rows:
+        bounds = zip(estimate.vaf, *estimate.vaf_interval, strict=True)
+        entries = [f"{value:.1f} % ({_band(low, high)})" for value, low, high in bounds]
+        lines.append(_fact("VAF, held-out data", _per_axis(estimate, entries)))
+    if np.all(np.isfinite(estimate.vaf_reference)):
+        entries = [f"{value:.1f} %" for value in estimate.vaf_reference]
+        lines.append(_fact("  of what was caused", _per_axis(estimate, entries)))
+    lines.append(
+        _fact(
+            "Data",
+            f"{estimate.train_rows / rate:.3g} s identify, {estimate.held_out_rows / rate:.3g} s "
+            f"validate{', then refitted to all' if estimate.refitted else ''}, at {rate:.4g} Hz",
+        )
+    )
+    lowpass = f"low pass {filters.lowpass_hz:.3g} Hz, " if filters.lowpass_order else ""
+    lines.append(
+        _fact(
+            "Filters",
+            f"{lowpass}window {filters.window} samples, -3 dB at {filters.effective_cutoff_hz:.3g} Hz",
+        )
+    )
+    lines.append(_fact("Condition number", f"{estimate.condition:.3g}"))
+    if estimate.rho is not None:
+        entries = [f"{100 * value:.0f} %" for value in estimate.rho.total]
+        lines.append(
+            _fact("Motion by the human", _per_axis(estimate, entries) + " of its power")
+        )
+    if np.isfinite(estimate.lag_s):
+        lines.append(
+            _fact(
+                "Force after motion", f"{1e3 * estimate.lag_s:.2g} ± {1e3 * estimate.lag_se_s:.2g} ms"
+            )
+        )
+    return lines
 
 
 def _trials(estimate: ImpedanceEstimate) -> list[str]:

@@ -113,7 +113,8 @@ class Preprocessing:
     effective_cutoff_hz : float
         -3 dB frequency of the whole smoother.
     motion_band_hz : float
-        Frequency below which 95 % of the power of the velocity lies.
+        Frequency below which 95 % of the power of the velocity lies: of the reference's, if the
+        record holds one, so that tremor does not widen it.
     window, order : int
         Savitzky-Golay window (samples) and polynomial order.
     flagged_start, flagged_end : int
@@ -158,7 +159,7 @@ class Preprocessing:
             )
         return words + (
             f"; -3 dB at {self.effective_cutoff_hz:.3g} Hz in all. The motion holds 95 % of its "
-            f"velocity below {self.motion_band_hz:.3g} Hz. {self.flagged_start} samples are dropped "
+            f"velocity's power below {self.motion_band_hz:.3g} Hz. {self.flagged_start} samples are dropped "
             f"at the start and {self.flagged_end} at the end of a trial; the filter's end transient "
             f"lasts {self.transient} samples."
         )
@@ -286,7 +287,7 @@ def ellipse(matrix: Any) -> Ellipse:
     >>> import ulna
     >>> e = ulna.ellipse([[42.45, -34.38], [-23.02, 125.43]])
     >>> f"{e.area:.0f} {e.shape:.1f} {e.angle_deg:.1f}"
-    '14139 4.0 107.3'
+    '14140 4.0 107.3'
     """
     raw = result("ulna_ellipse")
     check(lib.ulna_ellipse_of(view(np.asarray(matrix, dtype=float)), raw))
@@ -308,6 +309,11 @@ class ImpedanceEstimate:
     vaf, vaf_interval : ndarray, shape (n,) and (2, n)
         Variance of the force accounted for on data not used for the fit, percent, with its 95 %
         interval. NaN when nothing was held out.
+    vaf_train : ndarray, shape (n,)
+        The same on the data used for the fit.
+    vaf_reference : ndarray, shape (n,)
+        Variance accounted for of the force that the perturbation caused, percent: the human's own
+        force does not lower it, a model that does not hold does. NaN without a reference.
     outcome : str
         "good", or what to look at before use: "closed_loop_biased", "poor_fit",
         "ill_conditioned", "force_lag", "not_converged" or "not_finite".
@@ -342,6 +348,7 @@ class ImpedanceEstimate:
     vaf: np.ndarray
     vaf_interval: np.ndarray
     vaf_train: np.ndarray
+    vaf_reference: np.ndarray
     outcome: str
     warnings: tuple[str, ...]
     notes: tuple[str, ...]
@@ -564,6 +571,7 @@ def _estimate(handle: _Impedance, record: Record, fit: int = 0) -> ImpedanceEsti
         vaf=values(lib.ULNA_IMPEDANCE_VAF, n),
         vaf_interval=values(lib.ULNA_IMPEDANCE_VAF_INTERVAL, 2, n),
         vaf_train=values(lib.ULNA_IMPEDANCE_VAF_TRAIN, n),
+        vaf_reference=values(lib.ULNA_IMPEDANCE_VAF_REFERENCE, n),
         outcome=_outcome(about.outcome),
         warnings=_lines(handle, lib.ULNA_TEXT_WARNINGS) if reported else (),
         notes=_lines(handle, lib.ULNA_TEXT_NOTES) if reported else (),
@@ -655,7 +663,7 @@ def preprocess(
         Channel, or word for several: "F" stands for F_x and F_y. Default: by role.
     lowpass_hz : float, optional
         Cut-off of one pass, Hz; 0: no low pass. Default: so that both passes together keep the band
-        that holds 95 % of the velocity's power, between 5 and 60 Hz.
+        that holds 95 % of the velocity's power (of the reference's, if any), 5 to 60 Hz.
     lowpass_order : int, optional
         Default 5.
     corrected : bool

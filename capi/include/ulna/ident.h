@@ -21,7 +21,7 @@ typedef struct ulna_prepare_options {
   const char *position;  /* channel, or word for x, y, ...: "x" or "p" for p_x, p_y; NULL: by role */
   const char *force;     /* as position */
   const char *reference; /* as position; NULL: by role, if there are any */
-  double lowpass_hz;     /* -3 dB of one pass; 0: 95 % band of the motion, 5 to 60 Hz; < 0: none */
+  double lowpass_hz;     /* -3 dB of one pass; 0: to pass motion_band_hz, 5 to 60 Hz; < 0: none */
   double pad_epsilon;    /* share of a transient that may remain at the ends; 0: 1e-3 */
   int32_t window;        /* samples, odd; 0: 101 at 1 kHz and 5 Hz, in proportion otherwise */
   int32_t order;         /* of the polynomial, at least 2; 0: 6 */
@@ -40,7 +40,7 @@ typedef struct ulna_prepare_report {
   double rate_hz;             /* sample rate */
   double lowpass_hz;          /* -3 dB of one pass; 0: no low pass */
   double effective_cutoff_hz; /* -3 dB of the whole smoother */
-  double motion_band_hz;      /* 95 % of the power of the velocity lies below */
+  double motion_band_hz;      /* 95 % of the power of velocity lies below: of the reference's, if any */
   int64_t dropped_rows;       /* at either end of a trial: no full window */
   int64_t pad_rows;           /* extension at either end */
   int64_t transient_rows;     /* at either end: the extension shows in the filtered signals */

@@ -46,7 +46,8 @@ extern "C" {
 
 /** Outcome bit: least squares differs significantly from instrumental variables. @since 0.1 */
 #define ULNA_OUTCOME_CLOSED_LOOP_BIASED (1)
-/** Outcome bit: the model accounts for too little of the held-out force. @since 0.1 */
+/** Outcome bit: the model accounts for too little of the held-out force, and the human's own force is
+ * not the reason. @since 0.1 */
 #define ULNA_OUTCOME_POOR_FIT (2)
 /** Outcome bit: the data hardly determine some direction. @since 0.1 */
 #define ULNA_OUTCOME_ILL_CONDITIONED (4)
@@ -94,6 +95,10 @@ extern "C" {
 #define ULNA_IMPEDANCE_TRIAL_MEAN (13)
 /** Standard error of that mean; empty for one trial. @since 0.1 */
 #define ULNA_IMPEDANCE_TRIAL_ERROR (14)
+
+/** Variance accounted for of the force that the perturbation caused, percent, n: the human's own force
+ * does not lower it. NaN without a reference. @since 0.1 */
+#define ULNA_IMPEDANCE_VAF_REFERENCE (15)
 
 /** Time of the prepared rows, s. @since 0.1 */
 #define ULNA_SIGNAL_TIME (0)
