@@ -12,8 +12,8 @@ namespace {
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kTiny = 1e-300;
 
-// Regularised incomplete beta function I_x(a, b) by its continued fraction (DLMF 8.17.22), evaluated
-// with Lentz's method on the side where it converges.
+// Regularised incomplete beta function I_x(a, b) by its continued fraction (DLMF 8.17.22),
+// evaluated with Lentz's method on the side where it converges.
 double beta_regularised(double a, double b, double x) {
   if (x <= 0.0) return 0.0;
   if (x >= 1.0) return 1.0;
@@ -51,6 +51,8 @@ double student_cdf(double t, double dof) {
 
 double normal_quantile(double p) {
   require(p > 0.0 && p < 1.0, "p", "a probability must lie strictly between 0 and 1");
+  // 1 - p is exact here, and the lower tail keeps its digits where the upper one is lost beside 1.
+  if (p > 0.5) return -normal_quantile(1.0 - p);
   static constexpr double a[] = {-3.969683028665376e+01, 2.209460984245205e+02,
                                  -2.759285104469687e+02, 1.383577518672690e+02,
                                  -3.066479806614716e+01, 2.506628277459239e+00};
@@ -69,8 +71,6 @@ double normal_quantile(double p) {
   double x = 0.0;
   if (p < 0.02425) {
     x = tail(std::sqrt(-2.0 * std::log(p)));
-  } else if (p > 1.0 - 0.02425) {
-    x = -tail(std::sqrt(-2.0 * std::log1p(-p)));
   } else {
     const double q = p - 0.5;
     const double r = q * q;
@@ -101,6 +101,7 @@ double student_quantile(double p, double dof) {
 double chi_square_tail(double x, double dof) {
   require(dof > 0.0, "dof", "degrees of freedom must be positive");
   if (!(x > 0.0)) return std::isnan(x) ? kNaN : 1.0;
+  if (std::isinf(x)) return 0.0;
   const double a = 0.5 * dof;
   const double z = 0.5 * x;
   const double front = std::exp(a * std::log(z) - z - std::lgamma(a));
