@@ -20,7 +20,10 @@ struct Unexplained {
   Matrix rest;
 };
 
-// signals(trial): rows x columns like the trial. Empty when there is no reference or too little data.
+// signals(trial, rows): `columns` signals of a trial at those rows. Empty without a reference or with
+// too little data.
+using Rows = Eigen::ArithmeticSequence<Index, Index, Index>;
+
 template <class Signals>
 Unexplained unexplained_power(const Prepared& prepared, Index columns, double band_hz,
                               const Signals& signals) {
@@ -48,10 +51,10 @@ Unexplained unexplained_power(const Prepared& prepared, Index columns, double ba
   Matrix all(rows, m + columns);
   for (std::size_t t = 0; t < trials.size(); ++t) {
     const Index count = trials[t].end - trials[t].begin;
-    const auto every = Eigen::seqN(0, count, stride);
-    const auto here = Eigen::seqN(trials[t].begin, count);
-    all(here, Eigen::seqN(0, m)) = prepared.trials[t].reference()(every, Eigen::all);
-    all(here, Eigen::seqN(m, columns)) = signals(t)(every, Eigen::all);
+    const Rows every = Eigen::seqN(Index{0}, count, stride);
+    auto here = all.middleRows(trials[t].begin, count);
+    here.leftCols(m) = prepared.trials[t].reference()(every, Eigen::all);
+    here.rightCols(columns) = signals(prepared.trials[t], every);
     if (count >= segment) ranges.push_back(trials[t]);
   }
   const Spectra spectra = welch(all, rate, segment, ranges);
@@ -91,7 +94,9 @@ Unexplained unexplained_power(const Prepared& prepared, Index columns, double ba
 MotionShare motion_share(const Prepared& prepared, double band_hz) {
   const Index n = static_cast<Index>(prepared.roles.position.size());
   const Unexplained motion = unexplained_power(
-      prepared, n, band_hz, [&](std::size_t t) { return prepared.trials[t].position(); });
+      prepared, n, band_hz, [](const PreparedTrial& trial, const Rows& rows) {
+        return Matrix(trial.position()(rows, Eigen::all));
+      });
   MotionShare out;
   if (motion.power.size() == 0) return out;
   const auto share = [](const auto& rest, const auto& power) {
@@ -105,13 +110,22 @@ MotionShare motion_share(const Prepared& prepared, double band_hz) {
   return out;
 }
 
-Vector reference_vaf(const Prepared& prepared, const std::vector<Matrix>& residual, double band_hz) {
-  const Index n = static_cast<Index>(prepared.roles.position.size());
-  const Unexplained both = unexplained_power(prepared, 2 * n, band_hz, [&](std::size_t t) {
-    Matrix signals(prepared.trials[t].rows(), 2 * n);
-    signals << residual[t], prepared.trials[t].force();
-    return signals;
-  });
+Vector reference_vaf(const Prepared& prepared, const Matrix& theta, const Vector& position_mean,
+                     double payload_kg, double band_hz) {
+  const Index n = theta.cols();
+  const auto residual_and_force = [&](const PreparedTrial& trial, const Rows& rows) {
+    const Matrix acceleration = trial.acceleration()(rows, Eigen::all);
+    const Matrix velocity = trial.velocity()(rows, Eigen::all);
+    const Matrix position = trial.position()(rows, Eigen::all);
+    Matrix out(rows.size(), 2 * n);
+    out.rightCols(n) = trial.force()(rows, Eigen::all);
+    out.leftCols(n) = out.rightCols(n) + acceleration * theta.topRows(n) + payload_kg * acceleration +
+                      velocity * theta.middleRows(n, n) +
+                      (position.rowwise() - position_mean.transpose()) * theta.middleRows(2 * n, n);
+    out.leftCols(n).rowwise() += theta.row(3 * n);
+    return out;
+  };
+  const Unexplained both = unexplained_power(prepared, 2 * n, band_hz, residual_and_force);
   if (both.power.size() == 0) {
     return Vector::Constant(n, std::numeric_limits<double>::quiet_NaN());
   }

@@ -2,8 +2,6 @@
 // which a direct estimate from closed-loop data stands or falls.
 #pragma once
 
-#include <vector>
-
 #include "base/types.hpp"
 #include "ident/linear.hpp"
 #include "ident/prepare.hpp"
@@ -24,8 +22,9 @@ MotionShare motion_share(const Prepared& prepared, double band_hz);
 // VAF of the force that the perturbation caused, percent, per axis: what the fit leaves of the force
 // and the reference explains, against what the reference explains of the force. The human's own force
 // lowers the plain VAF but not this one; a model that does not hold lowers both. NaN without a
-// reference. residual: force minus prediction, one matrix a trial.
-Vector reference_vaf(const Prepared& prepared, const std::vector<Matrix>& residual, double band_hz);
+// reference. theta: (3 n + 1) x n for positions centred on position_mean, payload excluded.
+Vector reference_vaf(const Prepared& prepared, const Matrix& theta, const Vector& position_mean,
+                     double payload_kg, double band_hz);
 
 // Is the least-squares estimate compatible with the instrumental one? Wald test of the difference of
 // their parameters with its Newey-West covariance (the two share their noise: Hausman's shortcut does

@@ -130,89 +130,124 @@ Fit solve(const Factor& factor, const Matrix& transform, Estimator estimator) {
   return fit;
 }
 
+namespace {
+
+// Gram matrix of the moving sums over `window` rows of a sequence, zero beyond its ends.
+class MovingGram {
+ public:
+  MovingGram(Index width, Index window)
+      : window_(window),
+        gram_(Matrix::Zero(width, width)),
+        moving_(kBlock, width),
+        ring_(RowMajor::Zero(window, width)),
+        running_(Eigen::RowVectorXd::Zero(width)) {}
+
+  void push(const Eigen::RowVectorXd& row) {
+    leave();
+    running_ += row;
+    ring_.row(filled_ % window_) = row;
+    keep();
+  }
+
+  // The sequence ends: the sums run out over its last rows.
+  void finish_run() {
+    for (Index i = 1; filled_ > 0 && i < window_; ++i) {
+      leave();
+      ring_.row(filled_ % window_).setZero();
+      keep();
+    }
+    filled_ = 0;
+    running_.setZero();
+    ring_.setZero();
+  }
+
+  Matrix gram() {
+    flush();
+    return gram_.selfadjointView<Eigen::Lower>();
+  }
+
+ private:
+  void leave() {
+    if (filled_ >= window_) running_ -= ring_.row(filled_ % window_);
+  }
+  void keep() {
+    ++filled_;
+    moving_.row(buffered_++) = running_;
+    if (buffered_ == kBlock) flush();
+  }
+  void flush() {
+    gram_.selfadjointView<Eigen::Lower>().rankUpdate(moving_.topRows(buffered_).transpose());
+    buffered_ = 0;
+  }
+
+  Index window_;
+  Matrix gram_;
+  RowMajor moving_;
+  RowMajor ring_;
+  Eigen::RowVectorXd running_;
+  Index filled_ = 0;
+  Index buffered_ = 0;
+};
+
+}  // namespace
+
 Matrix newey_west(const Design& design, const std::vector<Span>& spans,
-                  const std::vector<const Fit*>& fits, Index lag, Token* token) {
+                  const std::vector<const Fit*>& fits, Index lag, Index stride, Token* token) {
   const Index p = design.regressors();
   const Index n = design.axes();
   const Index q = design.instruments();
   const Index each = p * n;
   const Index width = each * static_cast<Index>(fits.size());
-  const Index window = lag + 1;
+  stride = std::clamp<Index>(stride, 1, std::min(kBlock, lag + 1));
 
   // Bartlett weights are the autocorrelation of a box: the weighted sum over all lags equals the Gram
-  // matrix of the scores' moving sums over lag + 1 rows, zero beyond the ends, over lag + 1. That
-  // costs rows x width^2 instead of rows x lag x width^2.
-  Matrix sum_of_squares = Matrix::Zero(width, width);
+  // matrix of the scores' moving sums over lag + 1 rows, over lag + 1. That costs rows x width^2
+  // instead of rows x lag x width^2. With a stride, scores are summed over so many rows first.
+  const Index window = std::max<Index>(1, (lag + 1 + stride / 2) / stride);
+  MovingGram sums(width, window);
+  const Index rows_at_once = kBlock / stride * stride;
   Matrix block(kBlock, design.columns());
-  Matrix projected(kBlock, p);
-  Matrix error(kBlock, n);
-  RowMajor scores(kBlock, width);
-  RowMajor moving(kBlock, width);
-  RowMajor ring(window, width);
-  Eigen::RowVectorXd running(width);
+  std::vector<Matrix> regressors(fits.size(), Matrix(kBlock, p));
+  std::vector<Matrix> errors(fits.size(), Matrix(kBlock, n));
   Eigen::RowVectorXd score(width);
-  Index filled = 0;  // rows of the current run that entered the ring
-  Index buffered = 0;
-
-  const auto flush = [&] {
-    sum_of_squares.selfadjointView<Eigen::Lower>().rankUpdate(
-        moving.topRows(buffered).transpose());
-    buffered = 0;
-  };
-  const auto push = [&](bool more) {
-    auto slot = ring.row(filled % window);
-    if (filled >= window) running -= slot;
-    if (more) {
-      running += score;
-      slot = score;
-    } else {
-      slot.setZero();
-    }
-    ++filled;
-    moving.row(buffered++) = running;
-    if (buffered == kBlock) flush();
-  };
-  const auto finish_run = [&] {
-    for (Index i = 0; filled > 0 && i < lag; ++i) push(false);
-    filled = 0;
-    running.setZero();
-    ring.setZero();
-  };
-
-  running.setZero();
-  ring.setZero();
+  const double total = static_cast<double>(std::max<Index>(1, row_count(spans)));
+  Index done = 0;
   const Span* previous = nullptr;
-  for_blocks(spans, token, [&](const Span& span, Index row, Index count) {
-    if (previous != nullptr && previous != &span &&
-        (previous->trial != span.trial || previous->end != span.begin)) {
-      finish_run();
+  for (const Span& span : spans) {
+    if (previous != nullptr && (previous->trial != span.trial || previous->end != span.begin)) {
+      sums.finish_run();
     }
     previous = &span;
-    design.fill(span.trial, row, count, block.topRows(count));
-    const auto z = block.topRows(count).leftCols(q);
-    const auto phi = block.topRows(count).middleCols(q, p);
-    const auto y = block.topRows(count).rightCols(n);
-    for (std::size_t f = 0; f < fits.size(); ++f) {
-      const Fit& fit = *fits[f];
-      error.topRows(count).noalias() = y - phi * fit.theta;
-      if (fit.estimator == Estimator::kInstrumental) {
-        projected.topRows(count).noalias() = z * fit.weights;
-      } else {
-        projected.topRows(count) = phi;
+    for (Index row = span.begin; row < span.end; row += rows_at_once) {
+      const Index count = std::min(rows_at_once, span.end - row);
+      design.fill(span.trial, row, count, block.topRows(count));
+      const auto z = block.topRows(count).leftCols(q);
+      const auto phi = block.topRows(count).middleCols(q, p);
+      const auto y = block.topRows(count).rightCols(n);
+      for (std::size_t f = 0; f < fits.size(); ++f) {
+        errors[f].topRows(count).noalias() = y - phi * fits[f]->theta;
+        if (fits[f]->estimator == Estimator::kInstrumental) {
+          regressors[f].topRows(count).noalias() = z * fits[f]->weights;
+        } else {
+          regressors[f].topRows(count) = phi;
+        }
       }
-      for (Index i = 0; i < n; ++i) {
-        scores.block(0, static_cast<Index>(f) * each + i * p, count, p) =
-            (projected.topRows(count).array().colwise() * error.col(i).head(count).array()).matrix();
+      for (Index bin = 0; bin < count; bin += stride) {
+        const Index size = std::min(stride, count - bin);
+        for (std::size_t f = 0; f < fits.size(); ++f) {
+          for (Index i = 0; i < n; ++i) {
+            score.segment(static_cast<Index>(f) * each + i * p, p).noalias() =
+                errors[f].col(i).segment(bin, size).transpose() * regressors[f].middleRows(bin, size);
+          }
+        }
+        sums.push(score);
       }
+      done += count;
+      step(token, static_cast<double>(done) / total);
     }
-    for (Index t = 0; t < count; ++t) {
-      score = scores.row(t);
-      push(true);
-    }
-  });
-  finish_run();
-  flush();
-  const Matrix meat = Matrix(sum_of_squares.selfadjointView<Eigen::Lower>()) / static_cast<double>(window);
+  }
+  sums.finish_run();
+  const Matrix meat = sums.gram() / static_cast<double>(window);
 
   // Parameters move by T information^-1 T' times the scores.
   Matrix bread = Matrix::Zero(width, width);

@@ -45,9 +45,12 @@ Fit solve(const Factor& factor, const Matrix& transform, Estimator estimator);
 
 // Newey-West covariance of the parameters of several fits to the same spans, stacked: vec(theta_1),
 // vec(theta_2), ... (Newey and West 1987, Bartlett weights 1 - |l| / (lag + 1)). Spans of one trial
-// that touch count as one run; correlation never reaches across runs.
+// that touch count as one run; correlation never reaches across runs. With a stride, scores are first
+// summed over that many rows and the weights count sums: the same to rounding when the signals hold
+// nothing near rate / (2 stride).
 Matrix newey_west(const Design& design, const std::vector<Span>& spans,
-                  const std::vector<const Fit*>& fits, Index lag, Token* token = nullptr);
+                  const std::vector<const Fit*>& fits, Index lag, Index stride = 1,
+                  Token* token = nullptr);
 
 // Parameters refitted to `count` resamples of blocks drawn with replacement; rows: replicates,
 // columns: vec(theta). Block b of replicate i is a function of (seed, i, b) alone.

@@ -133,14 +133,24 @@ PreparedTrial prepare_trial(const Record& record, const Trial& trial, const Role
   return {trial.begin + half, n, m, std::move(table)};
 }
 
-// -3 dB frequency of the value kernel times the two passes.
-double effective_cutoff(const SavgolSpec& spec, const Sos* sos, double rate_hz) {
+// -3 dB frequency of the value kernel times the two passes of the low pass (null: none).
+double effective_cutoff(VectorRef value_kernel, const Sos* sos, double rate_hz) {
+  const Index half = (value_kernel.size() - 1) / 2;
+  const auto gain = [&](double frequency) {
+    double sum = value_kernel[half];
+    for (Index k = 1; k <= half; ++k) {
+      sum += 2.0 * value_kernel[half + k] *
+             std::cos(2.0 * kPi * frequency / rate_hz * static_cast<double>(k));
+    }
+    if (sos == nullptr) return sum;
+    const double once = sos_gain(*sos, rate_hz, Vector::Constant(1, frequency))[0];
+    return sum * once * once;
+  };
   double low = 0.0;
   double high = 0.5 * rate_hz;
-  for (int i = 0; i < 60; ++i) {
-    const Vector middle = Vector::Constant(1, 0.5 * (low + high));
-    const double gain = smoother_gain(spec, sos, rate_hz, middle)(0, 0);
-    (gain > std::sqrt(0.5) ? low : high) = middle[0];
+  for (int i = 0; i < 50; ++i) {
+    const double middle = 0.5 * (low + high);
+    (gain(middle) > std::sqrt(0.5) ? low : high) = middle;
   }
   return 0.5 * (low + high);
 }
@@ -185,9 +195,9 @@ double motion_band(const Record& record, const std::vector<Index>& channels, dou
   const Index segment = std::min<Index>(longest, static_cast<Index>(4.0 * record.rate_hz()));
   std::vector<RowRange> ranges;
   for (const Trial& trial : record.trials()) {
-    // Twenty seconds of each of fifty trials tell the band as well as all of them.
+    // Twelve seconds of each of fifty trials tell the band as well as all of them.
     if (ranges.size() < 50 && trial.end - trial.begin >= segment) {
-      const Index most = std::max(segment, static_cast<Index>(20.0 * record.rate_hz()));
+      const Index most = std::max(segment, static_cast<Index>(12.0 * record.rate_hz()));
       ranges.push_back({trial.begin, std::min(trial.end, trial.begin + most)});
     }
   }
@@ -232,9 +242,10 @@ Prepared prepare(const Record& record, const Roles& roles, const PrepareOptions&
   if (report.lowpass_chosen) {
     // Both passes together have to pass the band of the motion.
     const double most = std::min(kLargestLowpassHz, 0.2 * rate);
-    lowpass = std::clamp(corrected_cutoff(report.lowpass_order,
-                                          std::clamp(report.motion_band_hz, 0.1 * most, most), rate),
-                         std::min(kDefaultLowpassHz, most), most);
+    const double least = std::min(kDefaultLowpassHz, most);
+    const double band = std::min(report.motion_band_hz, most);
+    lowpass = band > 0.5 * least ? corrected_cutoff(report.lowpass_order, band, rate) : least;
+    lowpass = std::clamp(lowpass, least, most);
   }
   require(std::isfinite(lowpass) && lowpass < 0.5 * rate, "lowpass_hz",
           "the low pass must lie below half the sampling rate, " + std::to_string(0.5 * rate) + " Hz");
@@ -265,7 +276,7 @@ Prepared prepare(const Record& record, const Roles& roles, const PrepareOptions&
   plan.kernels = options.plain_savgol
                      ? savgol_kernels(plan.spec, 2, rate)
                      : matched_kernels(plan.spec, 2, rate, plan.lowpass ? 2.0 * lowpass : 0.25 * rate);
-  report.effective_cutoff_hz = effective_cutoff(plan.spec, plan.lowpass ? &plan.sos : nullptr, rate);
+  report.effective_cutoff_hz = effective_cutoff(plan.kernels.col(0), plan.lowpass ? &plan.sos : nullptr, rate);
   report.dropped_rows = savgol_edge_rows(plan.spec);
 
   // A trial has to hold the windows and something to fit beside.

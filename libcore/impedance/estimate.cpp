@@ -221,18 +221,6 @@ void validate(const Design& design, const std::vector<Span>& spans, const Matrix
   }
 }
 
-// Force by (3.2) at prepared rows, payload included.
-Matrix predicted(const PreparedTrial& data, const ImpedanceFit& fit, double payload_kg) {
-  const Index n = fit.theta.cols();
-  Matrix force = -(data.acceleration() * fit.theta.middleRows(0, n) +
-                   data.velocity() * fit.theta.middleRows(n, n) +
-                   (data.position().rowwise() - fit.position_mean.transpose()) *
-                       fit.theta.middleRows(2 * n, n) +
-                   payload_kg * data.acceleration());
-  force.rowwise() -= fit.theta.row(3 * n);
-  return force;
-}
-
 const Vector& judged_vaf(const ImpedanceFit& fit) {
   return fit.vaf.allFinite() ? fit.vaf : fit.vaf_train;
 }
@@ -363,7 +351,15 @@ Matrix parameter_draws(const ImpedanceFit& fit) {
 }
 
 Matrix predict_force(const ImpedanceEstimate& estimate, const ImpedanceFit& fit, int trial) {
-  return predicted(estimate.prepared->trials[static_cast<std::size_t>(trial)], fit, estimate.payload_kg);
+  const PreparedTrial& data = estimate.prepared->trials[static_cast<std::size_t>(trial)];
+  const Index n = estimate.n;
+  Matrix force = -(data.acceleration() * fit.theta.middleRows(0, n) +
+                   data.velocity() * fit.theta.middleRows(n, n) +
+                   (data.position().rowwise() - fit.position_mean.transpose()) *
+                       fit.theta.middleRows(2 * n, n) +
+                   estimate.payload_kg * data.acceleration());
+  force.rowwise() -= fit.theta.row(3 * n);
+  return force;
 }
 
 ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOptions& options,
@@ -478,7 +474,15 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
   for (const Solved& s : solved) fits.push_back(&s.fit);
   const Index hac_lag = static_cast<Index>(std::lround(options.hac_lag_s * rate));
   const Index each = parameters * n;
-  const Matrix covariance = newey_west(design, spans, fits, hac_lag, token);
+  // A record of T seconds smoothed to B Hz holds 2 B T independent values an axis, and the fit took
+  // some of them.
+  const double independent = 2.0 * out.report.effective_cutoff_hz *
+                             static_cast<double>(row_count(spans)) / rate;
+  const double taken = static_cast<double>(parameters);
+  const double shrinkage = independent > 2.0 * taken ? independent / (independent - taken) : 2.0;
+  // Products of two signals reach twice the band; ten sums for each of its periods lose nothing.
+  const Index stride = std::max<Index>(1, static_cast<Index>(rate / (20.0 * band)));
+  const Matrix covariance = shrinkage * newey_west(design, spans, fits, hac_lag, stride, token);
 
   std::vector<ImpedanceFit> results(solved.size());
   for (std::size_t e = 0; e < solved.size(); ++e) {
@@ -492,12 +496,8 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
     set_parameters(fit, solved[e].fit.theta, position_mean);
     validate(design, split.held_out, trained[e].fit.theta, rate, options.seed, fit.vaf, &fit.vaf_interval);
     validate(design, split.train, trained[e].fit.theta, rate, options.seed, fit.vaf_train, nullptr);
-    std::vector<Matrix> residual;
-    for (std::size_t t = 0; have_reference && t < prepared->trials.size(); ++t) {
-      residual.push_back(prepared->trials[t].force() -
-                         predicted(prepared->trials[t], fit, options.payload_kg));
-    }
-    fit.vaf_reference = reference_vaf(*prepared, residual, band);
+    fit.vaf_reference =
+        reference_vaf(*prepared, fit.theta, fit.position_mean, options.payload_kg, band);
     const Vector& vaf = judged_vaf(fit);
     for (Index i = 0; i < n; ++i) {
       const double excused = fit.vaf_reference[i];  // NaN excuses nothing
