@@ -165,8 +165,9 @@ ulna_status ulna_impedance_identify(const ulna_record* record, const ulna_impeda
                                     ulna_token* token, ulna_impedance** out_impedance) {
   return guarded([&] {
     ulna_impedance*& out = deref(out_impedance, "out_impedance");
+    const ulna_record& source = deref(record, "record");
     auto handle = std::make_unique<ulna_impedance>(ulna_impedance{identify_impedance(
-        deref(record, "record").record, impedance_options(options), token_of(token))});
+        source.record, impedance_options(options), token_of(token), source.findings)});
     out = handle.release();
   });
 }

@@ -4,6 +4,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <limits>
 #include <sstream>
@@ -363,7 +364,7 @@ Matrix predict_force(const ImpedanceEstimate& estimate, const ImpedanceFit& fit,
 }
 
 ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOptions& options,
-                                     Token* token) {
+                                     Token* token, const std::vector<Finding>& findings) {
   require(options.payload_kg >= 0.0 && std::isfinite(options.payload_kg), "payload_kg",
           "the payload must be a mass of at least 0 kg");
   require(options.hac_lag_s > 0.0, "lag_s", "the lag of the standard errors must be positive");
@@ -551,6 +552,23 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
 
   // ------------------------------------------------------------------------------- what to say of it
   out.fit = std::move(results[0]);
+  for (const Finding& finding : findings) {
+    const auto concerns = [&](const std::vector<Index>& channels) {
+      return std::any_of(channels.begin(), channels.end(), [&](Index c) {
+        return record.channels()[static_cast<std::size_t>(c)].name == finding.channel;
+      });
+    };
+    if (finding.severity == Severity::kNote) continue;
+    if (!finding.channel.empty() && !concerns(roles.position) && !concerns(roles.force) &&
+        !concerns(roles.reference)) {
+      continue;
+    }
+    out.fit.outcome |= kSuspectData;
+    std::string message = finding.message;
+    if (!message.empty()) message[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(message[0])));
+    if (!message.empty() && message.back() != '.') message += '.';
+    out.warnings.push_back(std::move(message));
+  }
   if (results.size() == 2) {
     out.alternative = std::make_unique<ImpedanceFit>(std::move(results[1]));
     const bool iv_first = out.fit.estimator == Estimator::kInstrumental;
@@ -587,9 +605,10 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
   }
   if ((out.fit.outcome & kPoorFit) != 0) {
     out.warnings.push_back(sentence(
-        3, "A second-order model does not describe this recording: it accounts for only ", low,
-        " % of the variance of the held-out force along ", out.axes[static_cast<std::size_t>(worst)],
-        ". Active muscles, reflexes or friction may be at work; M, B and K are then no more than the best "
+        3, "A second-order model does not describe this recording: it ",
+        low > 0.0 ? sentence(3, "accounts for only ", low, " % of the variance of")
+                  : std::string("predicts worse than the mean of"),
+        " the held-out force along ", out.axes[static_cast<std::size_t>(worst)], ". Active muscles, reflexes or friction may be at work; M, B and K are then no more than the best "
         "second-order summary."));
   }
   if ((out.fit.outcome & kIllConditioned) != 0) {

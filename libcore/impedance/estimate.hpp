@@ -32,6 +32,7 @@ enum Outcome : std::uint32_t {
   kNotConverged = 1u << 4,  // of the constrained fit
   kNotFinite = 1u << 5,     // x0: K is singular
   kUnchecked = 1u << 6,     // no reference: causality of the motion could not be checked
+  kSuspectData = 1u << 7,   // the look at the record found something to check first
 };
 
 struct ImpedanceOptions {
@@ -109,10 +110,12 @@ struct ImpedanceEstimate {
   std::shared_ptr<const Prepared> prepared;
 };
 
-// Throws Error: kData or kArgument as prepare; kAnalysis when the data do not determine the
+// `findings` (of record/look.hpp): those above a note that concern the clock or a channel in use become
+// warnings. Throws Error: kData or kArgument as prepare; kAnalysis when the data do not determine the
 // parameters, with the direction in words.
 ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOptions& options,
-                                     Token* token = nullptr);
+                                     Token* token = nullptr,
+                                     const std::vector<Finding>& findings = {});
 
 // -F predicted from prepared rows, rows x n, with the payload's share added back; sign of F.
 Matrix predict_force(const ImpedanceEstimate& estimate, const ImpedanceFit& fit, int trial);

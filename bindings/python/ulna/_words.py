@@ -113,7 +113,10 @@ def _facts(estimate: ImpedanceEstimate) -> list[str]:
     lines = []
     if estimate.held_out_rows:
         bounds = zip(estimate.vaf, *estimate.vaf_interval, strict=True)
-        entries = [f"{value:.1f} % ({_band(low, high)})" for value, low, high in bounds]
+        entries = [
+            f"{value:.1f} %" + (f" ({_band(low, high)})" if np.isfinite(low) else "")
+            for value, low, high in bounds
+        ]
         lines.append(_fact("VAF, held-out data", _per_axis(estimate, entries)))
     if np.all(np.isfinite(estimate.vaf_reference)):
         entries = [f"{value:.1f} %" for value in estimate.vaf_reference]
@@ -160,14 +163,21 @@ def _trials(estimate: ImpedanceEstimate) -> list[str]:
 
 def passivity_summary(verdict: PassivityVerdict) -> str:
     """Verdict, probability, both indices, and why."""
+    by = "identified model" if verdict.approach == "model" else "energy balance"
     lines = [
         f"Passivity: {verdict.verdict.upper()} (probability {_percent(verdict.probability)}, "
-        f"by the {'identified model' if verdict.approach == 'model' else 'energy balance'})",
-        f"  excess by the model    {_index(verdict.eop, verdict.eop_interval)} {verdict.unit}"
-        f"   [{_percent(verdict.model_probability)} passive]",
-        f"  excess by the energy   {_index(verdict.eop_energy, verdict.eop_energy_interval)} "
-        f"{verdict.unit}   [{_percent(verdict.energy_probability)} passive]",
-        f"  energy absorbed        {verdict.energy_j[-1]:.3g} J in {verdict.time_s[-1]:.3g} s",
+        f"by the {by})",
+        _fact(
+            "  excess, model",
+            f"{_index(verdict.eop, verdict.eop_interval)} {verdict.unit}; passive with "
+            f"{_percent(verdict.model_probability)}",
+        ),
+        _fact(
+            "  excess, energy",
+            f"{_index(verdict.eop_energy, verdict.eop_energy_interval)} {verdict.unit}; passive with "
+            f"{_percent(verdict.energy_probability)}",
+        ),
+        _fact("  energy absorbed", f"{verdict.energy_j[-1]:.3g} J in {verdict.time_s[-1]:.3g} s"),
         _paragraph(verdict.reason, "  "),
         _paragraph(verdict.would_change, "  "),
     ]

@@ -68,6 +68,7 @@ _PADS = {"pole-radius": lib.ULNA_PAD_POLE_RADIUS, "scipy": lib.ULNA_PAD_SCIPY}
 _REFIT = {None: lib.ULNA_REFIT_AUTO, True: lib.ULNA_REFIT_YES, False: lib.ULNA_REFIT_NO}
 # Most serious first: the outcome of an estimate is the first that holds.
 _OUTCOMES = {
+    "suspect_data": lib.ULNA_OUTCOME_SUSPECT_DATA,
     "not_converged": lib.ULNA_OUTCOME_NOT_CONVERGED,
     "ill_conditioned": lib.ULNA_OUTCOME_ILL_CONDITIONED,
     "closed_loop_biased": lib.ULNA_OUTCOME_CLOSED_LOOP_BIASED,
@@ -315,7 +316,8 @@ class ImpedanceEstimate:
         Variance accounted for of the force that the perturbation caused, percent: the human's own
         force does not lower it, a model that does not hold does. NaN without a reference.
     outcome : str
-        "good", or what to look at before use: "closed_loop_biased", "poor_fit",
+        "good", or what to look at before use: "suspect_data" (as a unit that looks wrong),
+        "closed_loop_biased", "poor_fit",
         "ill_conditioned", "force_lag", "not_converged" or "not_finite".
     warnings, notes : tuple of str
         In plain words.

@@ -60,6 +60,9 @@ extern "C" {
 /** Outcome bit: no reference, so the cause of the motion could not be checked. @since 0.1 */
 #define ULNA_OUTCOME_UNCHECKED (64)
 
+/** Outcome bit: the record holds something to check first, as a unit that looks wrong. @since 0.1 */
+#define ULNA_OUTCOME_SUSPECT_DATA (128)
+
 /** The estimate that is reported. @since 0.1 */
 #define ULNA_FIT_REPORTED (0)
 /** The other estimator on the same data: least squares beside instrumental variables. @since 0.1 */
