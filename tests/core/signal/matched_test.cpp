@@ -86,7 +86,7 @@ double noise_gain(const Matrix& kernels, Index d, double lowpass_hz, double rate
   const Sos sos = butterworth_lowpass(5, lowpass_hz, rate_hz);
   constexpr int kPoints = 4000;
   const Vector freq_hz =
-      Vector::LinSpaced(kPoints, 0.0, 10.0 * lowpass_hz);  // beyond, the gain is below 1e-200
+      Vector::LinSpaced(kPoints, 0.0, 10.0 * lowpass_hz);  // beyond, the power gain is below 1e-20
   const Vector lowpass = sos_gain(sos, rate_hz, freq_hz);
   double sum = 0.0;
   for (Index i = 0; i < kPoints; ++i) {
