@@ -23,7 +23,7 @@ help:  ## this list
 	@sed -n 's/^\([a-z]*\):.*## /make \1\t/p' Makefile
 
 demo: .venv/installed  ## set up, build, and assess the bundled recording
-	@.venv/bin/ulna assess examples/data/relaxed-arm.csv --out out/demo
+	@.venv/bin/ulna assess examples/data/relaxed-arm.csv --shoulder 0,0 --out out/demo
 
 test: .venv/installed configure  ## set up, build, and run every test
 	@cmake --build build

@@ -26,16 +26,26 @@ void copy_text(char (&out)[N], const std::string& text) noexcept {
 
 ulna_status status_of(Fault fault) noexcept {
   switch (fault) {
-    case Fault::kArgument: return ULNA_ERROR_ARGUMENT;
-    case Fault::kData: return ULNA_ERROR_DATA;
-    case Fault::kFile: return ULNA_ERROR_FILE;
-    case Fault::kFormat: return ULNA_ERROR_FORMAT;
-    case Fault::kAnalysis: return ULNA_ERROR_ANALYSIS;
-    case Fault::kBuffer: return ULNA_ERROR_BUFFER;
-    case Fault::kCancelled: return ULNA_ERROR_CANCELLED;
-    case Fault::kMemory: return ULNA_ERROR_MEMORY;
-    case Fault::kUnsupported: return ULNA_ERROR_UNSUPPORTED;
-    case Fault::kInternal: return ULNA_ERROR_INTERNAL;
+    case Fault::kArgument:
+      return ULNA_ERROR_ARGUMENT;
+    case Fault::kData:
+      return ULNA_ERROR_DATA;
+    case Fault::kFile:
+      return ULNA_ERROR_FILE;
+    case Fault::kFormat:
+      return ULNA_ERROR_FORMAT;
+    case Fault::kAnalysis:
+      return ULNA_ERROR_ANALYSIS;
+    case Fault::kBuffer:
+      return ULNA_ERROR_BUFFER;
+    case Fault::kCancelled:
+      return ULNA_ERROR_CANCELLED;
+    case Fault::kMemory:
+      return ULNA_ERROR_MEMORY;
+    case Fault::kUnsupported:
+      return ULNA_ERROR_UNSUPPORTED;
+    case Fault::kInternal:
+      return ULNA_ERROR_INTERNAL;
   }
   return ULNA_ERROR_INTERNAL;
 }
@@ -136,25 +146,38 @@ ulna_status ulna_error_last(ulna_error* out_error) {
     return ULNA_ERROR_ARGUMENT;
   }
   const int64_t size = out_error->struct_size;
-  std::memcpy(out_error, &last_error, static_cast<std::size_t>(std::min<int64_t>(size, sizeof last_error)));
+  std::memcpy(out_error, &last_error,
+              static_cast<std::size_t>(std::min<int64_t>(size, sizeof last_error)));
   out_error->struct_size = size;
   return ULNA_OK;
 }
 
 const char* ulna_status_name(ulna_status status) {
   switch (status) {
-    case ULNA_OK: return "ULNA_OK";
-    case ULNA_ERROR_ARGUMENT: return "ULNA_ERROR_ARGUMENT";
-    case ULNA_ERROR_DATA: return "ULNA_ERROR_DATA";
-    case ULNA_ERROR_FILE: return "ULNA_ERROR_FILE";
-    case ULNA_ERROR_FORMAT: return "ULNA_ERROR_FORMAT";
-    case ULNA_ERROR_ANALYSIS: return "ULNA_ERROR_ANALYSIS";
-    case ULNA_ERROR_BUFFER: return "ULNA_ERROR_BUFFER";
-    case ULNA_ERROR_CANCELLED: return "ULNA_ERROR_CANCELLED";
-    case ULNA_ERROR_MEMORY: return "ULNA_ERROR_MEMORY";
-    case ULNA_ERROR_UNSUPPORTED: return "ULNA_ERROR_UNSUPPORTED";
-    case ULNA_ERROR_INTERNAL: return "ULNA_ERROR_INTERNAL";
-    default: return nullptr;
+    case ULNA_OK:
+      return "ULNA_OK";
+    case ULNA_ERROR_ARGUMENT:
+      return "ULNA_ERROR_ARGUMENT";
+    case ULNA_ERROR_DATA:
+      return "ULNA_ERROR_DATA";
+    case ULNA_ERROR_FILE:
+      return "ULNA_ERROR_FILE";
+    case ULNA_ERROR_FORMAT:
+      return "ULNA_ERROR_FORMAT";
+    case ULNA_ERROR_ANALYSIS:
+      return "ULNA_ERROR_ANALYSIS";
+    case ULNA_ERROR_BUFFER:
+      return "ULNA_ERROR_BUFFER";
+    case ULNA_ERROR_CANCELLED:
+      return "ULNA_ERROR_CANCELLED";
+    case ULNA_ERROR_MEMORY:
+      return "ULNA_ERROR_MEMORY";
+    case ULNA_ERROR_UNSUPPORTED:
+      return "ULNA_ERROR_UNSUPPORTED";
+    case ULNA_ERROR_INTERNAL:
+      return "ULNA_ERROR_INTERNAL";
+    default:
+      return nullptr;
   }
 }
 
@@ -176,5 +199,6 @@ ulna_status ulna_token_cancel(ulna_token* token) {
 }
 
 ulna_status ulna_token_progress(const ulna_token* token, double* out_fraction) {
-  return guarded([&] { deref(out_fraction, "out_fraction") = deref(token, "token").token.progress(); });
+  return guarded(
+      [&] { deref(out_fraction, "out_fraction") = deref(token, "token").token.progress(); });
 }

@@ -42,8 +42,8 @@ using StridedMap = Eigen::Map<const Matrix, 0, Eigen::Stride<Eigen::Dynamic, Eig
 // A borrowed view as an Eigen expression; refuses NULL data and negative sizes.
 StridedMap map_view(const ulna_view* view, const char* argument);
 
-// Options as the caller's build knows them, widened to ours: absent bytes are zero, unknown non-zero
-// bytes are refused.
+// Options as the caller's build knows them, widened to ours: absent bytes are zero, unknown
+// non-zero bytes are refused.
 void check_options_size(const void* options, int64_t struct_size, std::size_t known,
                         const char* argument);
 

@@ -62,8 +62,10 @@ ulna_status ulna_prepare(const ulna_record* record, const ulna_prepare_options* 
         prepare(source, roles, request.options, request.threads, token_of(token));
     Record result = prepared_record(source, prepared);
     auto findings = look(result);
-    auto handle = std::make_unique<ulna_record>(ulna_record{std::move(result), std::move(findings), {}, false});
-    if (out_report != nullptr) write_result(out_report, prepare_report(prepared.report), "out_report");
+    auto handle = std::make_unique<ulna_record>(
+        ulna_record{std::move(result), std::move(findings), {}, false});
+    if (out_report != nullptr)
+      write_result(out_report, prepare_report(prepared.report), "out_report");
     out = handle.release();
   });
 }

@@ -72,23 +72,40 @@ Matrix trial_table(const ImpedanceEstimate& estimate) {
 
 Matrix values_of(const ImpedanceEstimate& estimate, const ImpedanceFit& fit, int32_t quantity) {
   switch (quantity) {
-    case ULNA_IMPEDANCE_M: return fit.m;
-    case ULNA_IMPEDANCE_B: return fit.b;
-    case ULNA_IMPEDANCE_K: return fit.k;
-    case ULNA_IMPEDANCE_X0: return rows_of(fit.x0);
-    case ULNA_IMPEDANCE_COVARIANCE: return fit.covariance;
-    case ULNA_IMPEDANCE_DRAWS: return parameter_draws(fit);
-    case ULNA_IMPEDANCE_VAF: return rows_of(fit.vaf);
-    case ULNA_IMPEDANCE_VAF_INTERVAL: return fit.vaf_interval;
-    case ULNA_IMPEDANCE_VAF_TRAIN: return rows_of(fit.vaf_train);
-    case ULNA_IMPEDANCE_MOTION_FREQUENCY: return rows_of(estimate.motion.freq_hz);
-    case ULNA_IMPEDANCE_MOTION_SHARE: return estimate.motion.share;
-    case ULNA_IMPEDANCE_MOTION_TOTAL: return rows_of(estimate.motion.total);
-    case ULNA_IMPEDANCE_TRIALS: return trial_table(estimate);
-    case ULNA_IMPEDANCE_TRIAL_MEAN: return rows_of(estimate.trial_mean);
-    case ULNA_IMPEDANCE_TRIAL_ERROR: return rows_of(estimate.trial_error);
-    case ULNA_IMPEDANCE_VAF_REFERENCE: return rows_of(fit.vaf_reference);
-    default: throw Error(Fault::kArgument, "quantity", "quantity must be an ULNA_IMPEDANCE_ constant");
+    case ULNA_IMPEDANCE_M:
+      return fit.m;
+    case ULNA_IMPEDANCE_B:
+      return fit.b;
+    case ULNA_IMPEDANCE_K:
+      return fit.k;
+    case ULNA_IMPEDANCE_X0:
+      return rows_of(fit.x0);
+    case ULNA_IMPEDANCE_COVARIANCE:
+      return fit.covariance;
+    case ULNA_IMPEDANCE_DRAWS:
+      return parameter_draws(fit);
+    case ULNA_IMPEDANCE_VAF:
+      return rows_of(fit.vaf);
+    case ULNA_IMPEDANCE_VAF_INTERVAL:
+      return fit.vaf_interval;
+    case ULNA_IMPEDANCE_VAF_TRAIN:
+      return rows_of(fit.vaf_train);
+    case ULNA_IMPEDANCE_MOTION_FREQUENCY:
+      return rows_of(estimate.motion.freq_hz);
+    case ULNA_IMPEDANCE_MOTION_SHARE:
+      return estimate.motion.share;
+    case ULNA_IMPEDANCE_MOTION_TOTAL:
+      return rows_of(estimate.motion.total);
+    case ULNA_IMPEDANCE_TRIALS:
+      return trial_table(estimate);
+    case ULNA_IMPEDANCE_TRIAL_MEAN:
+      return rows_of(estimate.trial_mean);
+    case ULNA_IMPEDANCE_TRIAL_ERROR:
+      return rows_of(estimate.trial_error);
+    case ULNA_IMPEDANCE_VAF_REFERENCE:
+      return rows_of(fit.vaf_reference);
+    default:
+      throw Error(Fault::kArgument, "quantity", "quantity must be an ULNA_IMPEDANCE_ constant");
   }
 }
 
@@ -108,14 +125,22 @@ Matrix signal_of(const ImpedanceEstimate& estimate, const ImpedanceFit& fit, int
                  int32_t signal) {
   const PreparedTrial& data = estimate.prepared->trials[static_cast<std::size_t>(trial)];
   switch (signal) {
-    case ULNA_SIGNAL_TIME: return estimate.times[static_cast<std::size_t>(trial)];
-    case ULNA_SIGNAL_POSITION: return data.position();
-    case ULNA_SIGNAL_VELOCITY: return data.velocity();
-    case ULNA_SIGNAL_ACCELERATION: return data.acceleration();
-    case ULNA_SIGNAL_FORCE: return data.force();
-    case ULNA_SIGNAL_FORCE_PREDICTED: return predict_force(estimate, fit, trial);
-    case ULNA_SIGNAL_USE: return use_of(estimate, trial);
-    default: throw Error(Fault::kArgument, "signal", "signal must be an ULNA_SIGNAL_ constant");
+    case ULNA_SIGNAL_TIME:
+      return estimate.times[static_cast<std::size_t>(trial)];
+    case ULNA_SIGNAL_POSITION:
+      return data.position();
+    case ULNA_SIGNAL_VELOCITY:
+      return data.velocity();
+    case ULNA_SIGNAL_ACCELERATION:
+      return data.acceleration();
+    case ULNA_SIGNAL_FORCE:
+      return data.force();
+    case ULNA_SIGNAL_FORCE_PREDICTED:
+      return predict_force(estimate, fit, trial);
+    case ULNA_SIGNAL_USE:
+      return use_of(estimate, trial);
+    default:
+      throw Error(Fault::kArgument, "signal", "signal must be an ULNA_SIGNAL_ constant");
   }
 }
 
@@ -149,7 +174,7 @@ ulna_ellipse ellipse_struct(const Ellipse& e) {
 
 ulna_ellipse ellipse_struct(const EllipseInterval& e) {
   ulna_ellipse out = ellipse_struct(e.value);
-  const auto copy = [](const double (&from)[2], double (&to)[2]) { std::copy_n(from, 2, to); };
+  const auto copy = [](const double(&from)[2], double(&to)[2]) { std::copy_n(from, 2, to); };
   copy(e.major, out.major_interval);
   copy(e.minor, out.minor_interval);
   copy(e.area, out.area_interval);
@@ -161,8 +186,9 @@ ulna_ellipse ellipse_struct(const EllipseInterval& e) {
 
 }  // namespace
 
-ulna_status ulna_impedance_identify(const ulna_record* record, const ulna_impedance_options* options,
-                                    ulna_token* token, ulna_impedance** out_impedance) {
+ulna_status ulna_impedance_identify(const ulna_record* record,
+                                    const ulna_impedance_options* options, ulna_token* token,
+                                    ulna_impedance** out_impedance) {
   return guarded([&] {
     ulna_impedance*& out = deref(out_impedance, "out_impedance");
     const ulna_record& source = deref(record, "record");
@@ -174,7 +200,8 @@ ulna_status ulna_impedance_identify(const ulna_record* record, const ulna_impeda
 
 void ulna_impedance_free(ulna_impedance* impedance) { delete impedance; }
 
-ulna_status ulna_impedance_get_info(const ulna_impedance* impedance, ulna_impedance_info* out_info) {
+ulna_status ulna_impedance_get_info(const ulna_impedance* impedance,
+                                    ulna_impedance_info* out_info) {
   return guarded([&] {
     const ImpedanceEstimate& e = deref(impedance, "impedance").estimate;
     ulna_impedance_info info = {};
@@ -216,8 +243,9 @@ ulna_status ulna_impedance_get_fit(const ulna_impedance* impedance, int32_t fit,
   });
 }
 
-ulna_status ulna_impedance_get_values(const ulna_impedance* impedance, int32_t fit, int32_t quantity,
-                                      double* out, int64_t capacity, int64_t* out_count) {
+ulna_status ulna_impedance_get_values(const ulna_impedance* impedance, int32_t fit,
+                                      int32_t quantity, double* out, int64_t capacity,
+                                      int64_t* out_count) {
   return guarded([&] {
     const ImpedanceFit& f = fit_of(impedance, fit);
     write_matrix(values_of(impedance->estimate, f, quantity), out, capacity, out_count);
@@ -248,8 +276,8 @@ ulna_status ulna_impedance_get_text(const ulna_impedance* impedance, int32_t whi
   });
 }
 
-ulna_status ulna_impedance_get_ellipse(const ulna_impedance* impedance, int32_t fit, int32_t quantity,
-                                       double level, ulna_ellipse* out_ellipse) {
+ulna_status ulna_impedance_get_ellipse(const ulna_impedance* impedance, int32_t fit,
+                                       int32_t quantity, double level, ulna_ellipse* out_ellipse) {
   return guarded([&] {
     const ImpedanceFit& f = fit_of(impedance, fit);
     require(impedance->estimate.n == 2, "impedance", "an ellipse needs an impedance of two axes");
@@ -264,6 +292,7 @@ ulna_status ulna_impedance_get_ellipse(const ulna_impedance* impedance, int32_t 
 
 ulna_status ulna_ellipse_of(const ulna_view* matrix, ulna_ellipse* out_ellipse) {
   return guarded([&] {
-    write_result(out_ellipse, ellipse_struct(ellipse_of(map_view(matrix, "matrix"))), "out_ellipse");
+    write_result(out_ellipse, ellipse_struct(ellipse_of(map_view(matrix, "matrix"))),
+                 "out_ellipse");
   });
 }

@@ -32,9 +32,12 @@ VerdictOptions verdict_options(const ulna_passivity_options* given) {
 
 int32_t verdict_constant(Answer answer) {
   switch (answer) {
-    case Answer::kPassive: return ULNA_VERDICT_PASSIVE;
-    case Answer::kNotPassive: return ULNA_VERDICT_NOT_PASSIVE;
-    case Answer::kUndecided: break;
+    case Answer::kPassive:
+      return ULNA_VERDICT_PASSIVE;
+    case Answer::kNotPassive:
+      return ULNA_VERDICT_NOT_PASSIVE;
+    case Answer::kUndecided:
+      break;
   }
   return ULNA_VERDICT_UNDECIDED;
 }
@@ -87,7 +90,8 @@ ulna_status ulna_passivity_assess(const ulna_impedance* impedance,
 
 void ulna_passivity_free(ulna_passivity* passivity) { delete passivity; }
 
-ulna_status ulna_passivity_get_info(const ulna_passivity* passivity, ulna_passivity_info* out_info) {
+ulna_status ulna_passivity_get_info(const ulna_passivity* passivity,
+                                    ulna_passivity_info* out_info) {
   return guarded([&] {
     write_result(out_info, verdict_struct(deref(passivity, "passivity").verdict), "out_info");
   });
@@ -105,15 +109,16 @@ ulna_status ulna_passivity_get_text(const ulna_passivity* passivity, int32_t whi
                                     int64_t capacity, int64_t* out_size) {
   return guarded([&] {
     const Verdict& v = deref(passivity, "passivity").verdict;
-    require(which == ULNA_PASSIVITY_TEXT_REASON || which == ULNA_PASSIVITY_TEXT_WOULD_CHANGE, "which",
-            "which must be an ULNA_PASSIVITY_TEXT_ constant");
+    require(which == ULNA_PASSIVITY_TEXT_REASON || which == ULNA_PASSIVITY_TEXT_WOULD_CHANGE,
+            "which", "which must be an ULNA_PASSIVITY_TEXT_ constant");
     write_text(which == ULNA_PASSIVITY_TEXT_REASON ? v.reason : v.would_change, out_text, capacity,
                out_size);
   });
 }
 
-ulna_status ulna_passivity_get_series(const ulna_passivity* passivity, int64_t trial, int32_t series,
-                                      double* out, int64_t capacity, int64_t* out_count) {
+ulna_status ulna_passivity_get_series(const ulna_passivity* passivity, int64_t trial,
+                                      int32_t series, double* out, int64_t capacity,
+                                      int64_t* out_count) {
   return guarded([&] {
     const Verdict& v = deref(passivity, "passivity").verdict;
     const auto trials = static_cast<int64_t>(v.series.size());
@@ -133,9 +138,8 @@ ulna_status ulna_passivity_of_model(const ulna_view* m, const ulna_view* b, cons
   return guarded([&] {
     const Matrix inertia = map_view(m, "m");
     require(inertia.rows() <= 6, "m", "matrices of at most 6 axes are judged");
-    const ModelMargins margins =
-        model_passivity(inertia, map_view(b, "b"), map_view(k, "k"),
-                        verdict_options(options).antisymmetry_threshold);
+    const ModelMargins margins = model_passivity(inertia, map_view(b, "b"), map_view(k, "k"),
+                                                 verdict_options(options).antisymmetry_threshold);
     write_result(out_margins, margins_struct(margins), "out_margins");
   });
 }

@@ -1,5 +1,5 @@
-// The one exception of the core. A fault says what the caller should do about it; the message is one
-// sentence that can be shown to a person as it stands.
+// The one exception of the core. A fault says what the caller should do about it; the message is
+// one sentence that can be shown to a person as it stands.
 #pragma once
 
 #include <stdexcept>

@@ -8,8 +8,8 @@
 
 namespace ulna {
 
-void parallel_for(std::ptrdiff_t count, int threads, const std::function<void(std::ptrdiff_t)>& task,
-                  Token* token) {
+void parallel_for(std::ptrdiff_t count, int threads,
+                  const std::function<void(std::ptrdiff_t)>& task, Token* token) {
   if (count <= 0) return;
   if (threads <= 0) threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   threads = static_cast<int>(std::min<std::ptrdiff_t>(threads, count));

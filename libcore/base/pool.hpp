@@ -11,7 +11,7 @@ namespace ulna {
 
 // Runs task(i) for i in [0, count) on `threads` threads (0: one per processor). The first exception
 // by index is rethrown once all threads have stopped.
-void parallel_for(std::ptrdiff_t count, int threads, const std::function<void(std::ptrdiff_t)>& task,
-                  Token* token = nullptr);
+void parallel_for(std::ptrdiff_t count, int threads,
+                  const std::function<void(std::ptrdiff_t)>& task, Token* token = nullptr);
 
 }  // namespace ulna

@@ -1,6 +1,6 @@
-// Counter-based random numbers: Philox4x32-10 (Salmon et al. 2011, "Parallel random numbers: as easy
-// as 1, 2, 3"). A number is a pure function of (seed, stream, counter): no state is shared, and a
-// result is the same whatever the number of threads.
+// Counter-based random numbers: Philox4x32-10 (Salmon et al. 2011, "Parallel random numbers: as
+// easy as 1, 2, 3"). A number is a pure function of (seed, stream, counter): no state is shared,
+// and a result is the same whatever the number of threads.
 #pragma once
 
 #include <array>

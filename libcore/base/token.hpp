@@ -1,4 +1,5 @@
-// Progress out, cancellation in: the only channel between a long call and the thread that watches it.
+// Progress out, cancellation in: the only channel between a long call and the thread that watches
+// it.
 #pragma once
 
 #include <atomic>

@@ -20,8 +20,8 @@ struct Unexplained {
   Matrix rest;
 };
 
-// signals(trial, rows): `columns` signals of a trial at those rows. Empty without a reference or with
-// too little data.
+// signals(trial, rows): `columns` signals of a trial at those rows. Empty without a reference or
+// with too little data.
 using Rows = Eigen::ArithmeticSequence<Index, Index, Index>;
 
 template <class Signals>
@@ -71,7 +71,8 @@ Unexplained unexplained_power(const Prepared& prepared, Index columns, double ba
   const double debias = averages / (averages - static_cast<double>(m));
   for (Index row = 0; row < bins; ++row) {
     const Eigen::MatrixXcd& s = spectra.s[static_cast<std::size_t>(row + 1)];
-    // Pseudo-inverse: between the lines of a multisine the reference has no power, and explains none.
+    // Pseudo-inverse: between the lines of a multisine the reference has no power, and explains
+    // none.
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXcd> eigen(s.topLeftCorner(m, m));
     for (Index i = 0; i < columns; ++i) {
       const Eigen::VectorXcd cross = eigen.eigenvectors().adjoint() * s.block(0, m + i, m, 1);
@@ -93,8 +94,8 @@ Unexplained unexplained_power(const Prepared& prepared, Index columns, double ba
 
 MotionShare motion_share(const Prepared& prepared, double band_hz) {
   const Index n = static_cast<Index>(prepared.roles.position.size());
-  const Unexplained motion = unexplained_power(
-      prepared, n, band_hz, [](const PreparedTrial& trial, const Rows& rows) {
+  const Unexplained motion =
+      unexplained_power(prepared, n, band_hz, [](const PreparedTrial& trial, const Rows& rows) {
         return Matrix(trial.position()(rows, Eigen::all));
       });
   MotionShare out;
@@ -119,8 +120,8 @@ Vector reference_vaf(const Prepared& prepared, const Matrix& theta, const Vector
     const Matrix position = trial.position()(rows, Eigen::all);
     Matrix out(rows.size(), 2 * n);
     out.rightCols(n) = trial.force()(rows, Eigen::all);
-    out.leftCols(n) = out.rightCols(n) + acceleration * theta.topRows(n) + payload_kg * acceleration +
-                      velocity * theta.middleRows(n, n) +
+    out.leftCols(n) = out.rightCols(n) + acceleration * theta.topRows(n) +
+                      payload_kg * acceleration + velocity * theta.middleRows(n, n) +
                       (position.rowwise() - position_mean.transpose()) * theta.middleRows(2 * n, n);
     out.leftCols(n).rowwise() += theta.row(3 * n);
     return out;
@@ -138,15 +139,14 @@ DifferenceTest difference_test(const Fit& instrumental, const Fit& least_squares
   const Index k = instrumental.theta.size();
   DifferenceTest test;
   test.difference = (least_squares.theta - instrumental.theta).reshaped();
-  const Matrix covariance = joint_covariance.topLeftCorner(k, k) +
-                            joint_covariance.bottomRightCorner(k, k) -
-                            joint_covariance.topRightCorner(k, k) -
-                            joint_covariance.bottomLeftCorner(k, k);
-  // Without noise both estimates agree to rounding, and a difference of rounding errors over a standard
-  // error of rounding errors means nothing: nothing below a millionth of a parameter counts.
+  const Matrix covariance =
+      joint_covariance.topLeftCorner(k, k) + joint_covariance.bottomRightCorner(k, k) -
+      joint_covariance.topRightCorner(k, k) - joint_covariance.bottomLeftCorner(k, k);
+  // Without noise both estimates agree to rounding, and a difference of rounding errors over a
+  // standard error of rounding errors means nothing: nothing below a millionth of a parameter
+  // counts.
   const Vector floor = 1e-6 * instrumental.theta.reshaped().cwiseAbs();
-  test.standard_error =
-      (covariance.diagonal().cwiseMax(0.0) + floor.cwiseAbs2()).cwiseSqrt();
+  test.standard_error = (covariance.diagonal().cwiseMax(0.0) + floor.cwiseAbs2()).cwiseSqrt();
   // In units of the standard errors, through the eigenvalues that are not rounding: constrained
   // parameters leave the covariance singular.
   const Vector scale =
@@ -169,8 +169,8 @@ DifferenceTest difference_test(const Fit& instrumental, const Fit& least_squares
 
 namespace {
 
-// Newey-West variance of the last coefficient of a just- or over-identified regression, by the scores
-// of that coefficient alone.
+// Newey-West variance of the last coefficient of a just- or over-identified regression, by the
+// scores of that coefficient alone.
 double bartlett_variance(const Vector& score, Index lag) {
   double sum = score.squaredNorm();
   for (Index l = 1; l <= std::min(lag, score.size() - 1); ++l) {
@@ -197,7 +197,8 @@ LagCheck check_lag(const Prepared& prepared, const std::vector<Span>& spans, Est
   const Index q = instrumental ? design.instruments() + m : 0;
 
   Index rows = 0;
-  for (const Span& span : spans) rows += std::max<Index>(0, (span.end - span.begin - 3) / stride + 1);
+  for (const Span& span : spans)
+    rows += std::max<Index>(0, (span.end - span.begin - 3) / stride + 1);
   if (rows < 4 * (p + 1 + q)) return out;
 
   // Third derivatives of force and reference by central differences of the filtered signals.
@@ -216,8 +217,9 @@ LagCheck check_lag(const Prepared& prepared, const std::vector<Span>& spans, Est
       force_rate.row(at) = 0.5 * rate * (trial.force().row(row + 1) - trial.force().row(row - 1));
       if (instrumental) {
         instruments.row(at).head(q - m) = one.leftCols(q - m);
-        instruments.row(at).tail(m) = 0.5 * rate * (trial.reference_acceleration().row(row + 1) -
-                                                    trial.reference_acceleration().row(row - 1));
+        instruments.row(at).tail(m) = 0.5 * rate *
+                                      (trial.reference_acceleration().row(row + 1) -
+                                       trial.reference_acceleration().row(row - 1));
       }
     }
   }

@@ -77,7 +77,8 @@ Factor merge(const std::vector<const Factor*>& parts) {
 }
 
 Factor factor_of_gram(const Matrix& gram, Index q, Index p, Index n, Index rows) {
-  // Cholesky by hand, since a noise-free record makes the last pivots zero: such a row of R is zero.
+  // Cholesky by hand, since a noise-free record makes the last pivots zero: such a row of R is
+  // zero.
   const Index width = gram.cols();
   Factor factor{q, p, n, rows, Matrix::Zero(width, width)};
   Matrix& r = factor.r;
@@ -200,9 +201,10 @@ Matrix newey_west(const Design& design, const std::vector<Span>& spans,
   const Index width = each * static_cast<Index>(fits.size());
   stride = std::clamp<Index>(stride, 1, std::min(kBlock, lag + 1));
 
-  // Bartlett weights are the autocorrelation of a box: the weighted sum over all lags equals the Gram
-  // matrix of the scores' moving sums over lag + 1 rows, over lag + 1. That costs rows x width^2
-  // instead of rows x lag x width^2. With a stride, scores are summed over so many rows first.
+  // Bartlett weights are the autocorrelation of a box: the weighted sum over all lags equals the
+  // Gram matrix of the scores' moving sums over lag + 1 rows, over lag + 1. That costs rows x
+  // width^2 instead of rows x lag x width^2. With a stride, scores are summed over so many rows
+  // first.
   const Index window = std::max<Index>(1, (lag + 1 + stride / 2) / stride);
   MovingGram sums(width, window);
   const Index rows_at_once = kBlock / stride * stride;
@@ -237,7 +239,8 @@ Matrix newey_west(const Design& design, const std::vector<Span>& spans,
         for (std::size_t f = 0; f < fits.size(); ++f) {
           for (Index i = 0; i < n; ++i) {
             score.segment(static_cast<Index>(f) * each + i * p, p).noalias() =
-                errors[f].col(i).segment(bin, size).transpose() * regressors[f].middleRows(bin, size);
+                errors[f].col(i).segment(bin, size).transpose() *
+                regressors[f].middleRows(bin, size);
           }
         }
         sums.push(score);
@@ -261,9 +264,9 @@ Matrix newey_west(const Design& design, const std::vector<Span>& spans,
   return 0.5 * (covariance + covariance.transpose());
 }
 
-Matrix block_bootstrap(const Design& design, const std::vector<Span>& blocks, const Matrix& transform,
-                       Estimator estimator, Index count, std::uint64_t seed, int threads,
-                       Token* token) {
+Matrix block_bootstrap(const Design& design, const std::vector<Span>& blocks,
+                       const Matrix& transform, Estimator estimator, Index count,
+                       std::uint64_t seed, int threads, Token* token) {
   const Index width = design.columns();
   std::vector<Matrix> grams(blocks.size());
   parallel_for(static_cast<std::ptrdiff_t>(blocks.size()), threads, [&](std::ptrdiff_t b) {
@@ -287,8 +290,8 @@ Matrix block_bootstrap(const Design& design, const std::vector<Span>& blocks, co
           gram += grams[drawn];
           rows += blocks[drawn].end - blocks[drawn].begin;
         }
-        const Factor factor = factor_of_gram(gram, design.instruments(), design.regressors(),
-                                             design.axes(), rows);
+        const Factor factor =
+            factor_of_gram(gram, design.instruments(), design.regressors(), design.axes(), rows);
         out.row(i) = solve(factor, transform, estimator).theta.reshaped().transpose();
       },
       token);

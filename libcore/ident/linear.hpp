@@ -37,7 +37,7 @@ struct Fit {
   Matrix information;      // T' (I (x) A) T, k x k
   Matrix weights;          // IV: q x p, projects instruments on regressors; least squares: empty
   double condition = 0.0;  // of the regressors in unit columns
-  Vector weakest;          // unit direction of k parameters (in unit columns) the data determine least
+  Vector weakest;  // unit direction of k parameters (in unit columns) the data determine least
 };
 
 // Throws nothing for a rank-deficient problem: `condition` is then infinite and theta not finite.
@@ -45,17 +45,17 @@ Fit solve(const Factor& factor, const Matrix& transform, Estimator estimator);
 
 // Newey-West covariance of the parameters of several fits to the same spans, stacked: vec(theta_1),
 // vec(theta_2), ... (Newey and West 1987, Bartlett weights 1 - |l| / (lag + 1)). Spans of one trial
-// that touch count as one run; correlation never reaches across runs. With a stride, scores are first
-// summed over that many rows and the weights count sums: the same to rounding when the signals hold
-// nothing near rate / (2 stride).
+// that touch count as one run; correlation never reaches across runs. With a stride, scores are
+// first summed over that many rows and the weights count sums: the same to rounding when the
+// signals hold nothing near rate / (2 stride).
 Matrix newey_west(const Design& design, const std::vector<Span>& spans,
                   const std::vector<const Fit*>& fits, Index lag, Index stride = 1,
                   Token* token = nullptr);
 
 // Parameters refitted to `count` resamples of blocks drawn with replacement; rows: replicates,
 // columns: vec(theta). Block b of replicate i is a function of (seed, i, b) alone.
-Matrix block_bootstrap(const Design& design, const std::vector<Span>& blocks, const Matrix& transform,
-                       Estimator estimator, Index count, std::uint64_t seed, int threads,
-                       Token* token = nullptr);
+Matrix block_bootstrap(const Design& design, const std::vector<Span>& blocks,
+                       const Matrix& transform, Estimator estimator, Index count,
+                       std::uint64_t seed, int threads, Token* token = nullptr);
 
 }  // namespace ulna

@@ -21,7 +21,8 @@ constexpr double kLargestLowpassHz = 60.0;  // the fastest single-joint perturba
 constexpr double kWindowTimesLowpass = 0.505;
 constexpr int kDefaultOrder = 6;
 constexpr int kDefaultLowpassOrder = 5;
-// The filters take rows as equidistant; a step that strays by less than this changes nothing visible.
+// The filters take rows as equidistant; a step that strays by less than this changes nothing
+// visible.
 constexpr double kClockTolerance = 0.02;
 
 std::string seconds(double value) {
@@ -38,12 +39,12 @@ void require_uniform(const Record& record) {
       const auto r = static_cast<std::size_t>(row);
       const double ratio = (record.time()[r] - record.time()[r - 1]) / step;
       if (std::abs(ratio - 1.0) <= kClockTolerance) continue;
-      const std::string where = "row " + std::to_string(row) + " (" + seconds(record.time()[r]) + ")";
+      const std::string where =
+          "row " + std::to_string(row) + " (" + seconds(record.time()[r]) + ")";
       if (ratio > 1.5) {
         throw Error(Fault::kData, "time",
-                    "samples are missing before " + where + ": a step of " +
-                        seconds(ratio * step) + " instead of " + seconds(step) +
-                        "; split the record there",
+                    "samples are missing before " + where + ": a step of " + seconds(ratio * step) +
+                        " instead of " + seconds(step) + "; split the record there",
                     "row " + std::to_string(row));
       }
       throw Error(Fault::kData, "time",
@@ -77,8 +78,9 @@ void require_complete(const Record& record, const std::vector<Index>& channels) 
       }
     }
     if (all_zero && channel.role == Role::kForce) {
-      throw Error(Fault::kData, channel.name,
-                  "channel " + channel.name + " is zero throughout: was the force sensor connected?");
+      throw Error(
+          Fault::kData, channel.name,
+          "channel " + channel.name + " is zero throughout: was the force sensor connected?");
     }
     if (constant) {
       throw Error(Fault::kData, channel.name,
@@ -203,7 +205,8 @@ double motion_band(const Record& record, const std::vector<Index>& channels, dou
   }
   double band = 0.0;
   for (const Index c : channels) {
-    const Spectra spectra = welch(record.values().middleCols(c, 1), record.rate_hz(), segment, ranges);
+    const Spectra spectra =
+        welch(record.values().middleCols(c, 1), record.rate_hz(), segment, ranges);
     double total = 0.0;
     for (Index pass = 0, k = 0; pass < 2; ++pass) {
       double sum = 0.0;
@@ -247,8 +250,9 @@ Prepared prepare(const Record& record, const Roles& roles, const PrepareOptions&
     lowpass = band > 0.5 * least ? corrected_cutoff(report.lowpass_order, band, rate) : least;
     lowpass = std::clamp(lowpass, least, most);
   }
-  require(std::isfinite(lowpass) && lowpass < 0.5 * rate, "lowpass_hz",
-          "the low pass must lie below half the sampling rate, " + std::to_string(0.5 * rate) + " Hz");
+  require(
+      std::isfinite(lowpass) && lowpass < 0.5 * rate, "lowpass_hz",
+      "the low pass must lie below half the sampling rate, " + std::to_string(0.5 * rate) + " Hz");
   if (options.corrected && options.lowpass_hz > 0.0) {
     lowpass = corrected_cutoff(report.lowpass_order, lowpass, rate);
   }
@@ -259,11 +263,13 @@ Prepared prepare(const Record& record, const Roles& roles, const PrepareOptions&
   report.window = options.window;
   if (report.window == 0) {
     const double cutoff = plan.lowpass ? lowpass : kDefaultLowpassHz;
-    report.window = odd_at_least(kWindowTimesLowpass * rate / cutoff, report.order + 3 + report.order % 2);
+    report.window =
+        odd_at_least(kWindowTimesLowpass * rate / cutoff, report.order + 3 + report.order % 2);
   }
   plan.spec = {report.window, report.order};
   check_savgol(plan.spec, 2);
-  require(report.order >= 2, "order", "the polynomial order must be at least 2 to give accelerations");
+  require(report.order >= 2, "order",
+          "the polynomial order must be at least 2 to give accelerations");
   plan.zero_phase = options.zero_phase;
   if (plan.lowpass) {
     plan.sos = butterworth_lowpass(report.lowpass_order, lowpass, rate);
@@ -273,10 +279,11 @@ Prepared prepare(const Record& record, const Roles& roles, const PrepareOptions&
   } else {
     report.lowpass_order = 0;
   }
-  plan.kernels = options.plain_savgol
-                     ? savgol_kernels(plan.spec, 2, rate)
-                     : matched_kernels(plan.spec, 2, rate, plan.lowpass ? 2.0 * lowpass : 0.25 * rate);
-  report.effective_cutoff_hz = effective_cutoff(plan.kernels.col(0), plan.lowpass ? &plan.sos : nullptr, rate);
+  plan.kernels = options.plain_savgol ? savgol_kernels(plan.spec, 2, rate)
+                                      : matched_kernels(plan.spec, 2, rate,
+                                                        plan.lowpass ? 2.0 * lowpass : 0.25 * rate);
+  report.effective_cutoff_hz =
+      effective_cutoff(plan.kernels.col(0), plan.lowpass ? &plan.sos : nullptr, rate);
   report.dropped_rows = savgol_edge_rows(plan.spec);
 
   // A trial has to hold the windows and something to fit beside.

@@ -1,6 +1,6 @@
 // From a record to the rows of a regression: position, velocity, acceleration, force and reference,
-// all through one linear operator (Savitzky-Golay, then a zero-phase Butterworth low pass), so that a
-// linear relation between the recorded signals stays exactly the same relation. Dyck 2013, 3.4.
+// all through one linear operator (Savitzky-Golay, then a zero-phase Butterworth low pass), so that
+// a linear relation between the recorded signals stays exactly the same relation. Dyck 2013, 3.4.
 #pragma once
 
 #include <string>
@@ -49,8 +49,8 @@ struct PrepareReport {
 // One trial after preparation. Rows are the record's rows [begin, begin + rows).
 class PreparedTrial {
  public:
-  // table: position, velocity, acceleration (n columns each), force (n), then reference, its rate and
-  // its acceleration (m each).
+  // table: position, velocity, acceleration (n columns each), force (n), then reference, its rate
+  // and its acceleration (m each).
   PreparedTrial() = default;
   PreparedTrial(Index begin, Index n, Index m, Matrix table)
       : begin_(begin), n_(n), m_(m), table_(std::move(table)) {}
@@ -83,13 +83,13 @@ struct Prepared {
 Roles find_roles(const Record& record, const std::string& position, const std::string& force,
                  const std::string& reference);
 
-// Throws Error: kData for a channel with NaN, a jittered clock or too few rows (with channel and row),
-// kArgument for options that do not fit the record.
+// Throws Error: kData for a channel with NaN, a jittered clock or too few rows (with channel and
+// row), kArgument for options that do not fit the record.
 Prepared prepare(const Record& record, const Roles& roles, const PrepareOptions& options,
                  int threads = 1, Token* token = nullptr);
 
-// Frequency below which the given share of the power of d(signals)/dt lies, up to max_hz; the largest
-// over the signals.
+// Frequency below which the given share of the power of d(signals)/dt lies, up to max_hz; the
+// largest over the signals.
 double motion_band(const Record& record, const std::vector<Index>& channels, double share,
                    double max_hz);
 

@@ -38,7 +38,8 @@ struct Problem {
   const Vector* g;
   const std::vector<Cone>* cones;
   Vector unit;    // size of one step of each variable
-  double offset;  // makes the value at the free minimum zero, so that relative tolerances mean something
+  double offset;  // makes the value at the free minimum zero, so that relative tolerances mean
+                  // something
   double scale;
 
   // The cones' entries of z hold the factor L; the others are the parameters themselves.
@@ -72,7 +73,8 @@ struct Problem {
 
 double evaluate(unsigned count, const double* y, double* gradient, void* data) {
   const auto* problem = static_cast<const Problem*>(data);
-  return problem->value_and_gradient(Eigen::Map<const Vector>(y, static_cast<Index>(count)), gradient);
+  return problem->value_and_gradient(Eigen::Map<const Vector>(y, static_cast<Index>(count)),
+                                     gradient);
 }
 
 }  // namespace
@@ -111,7 +113,8 @@ SemidefiniteFit fit_semidefinite(const Matrix& h, const Vector& g, const std::ve
   double value = 0.0;
   const nlopt_result result = nlopt_optimize(optimiser.get(), y.data(), &value);
   // Round-off: no step improves any more, which at these tolerances is the minimum.
-  out.converged = (result > 0 && result != NLOPT_MAXEVAL_REACHED) || result == NLOPT_ROUNDOFF_LIMITED;
+  out.converged =
+      (result > 0 && result != NLOPT_MAXEVAL_REACHED) || result == NLOPT_ROUNDOFF_LIMITED;
   out.eta = problem.eta(y.cwiseProduct(unit));
   return out;
 }

@@ -1,6 +1,6 @@
-// Least squares with symmetric matrices among the parameters that must be positive semidefinite. The
-// problem is convex; with S = L L' it is smooth and unconstrained, and a factor of full size leaves no
-// local minimum that is not global (Burer and Monteiro 2005). NLopt does the descent.
+// Least squares with symmetric matrices among the parameters that must be positive semidefinite.
+// The problem is convex; with S = L L' it is smooth and unconstrained, and a factor of full size
+// leaves no local minimum that is not global (Burer and Monteiro 2005). NLopt does the descent.
 #pragma once
 
 #include <vector>
@@ -9,7 +9,8 @@
 
 namespace ulna {
 
-// Parameters eta[first ...] are the lower triangle, column by column, of a symmetric size x size matrix.
+// Parameters eta[first ...] are the lower triangle, column by column, of a symmetric size x size
+// matrix.
 struct Cone {
   Index first = 0;
   Index size = 0;
@@ -17,7 +18,7 @@ struct Cone {
 
 struct SemidefiniteFit {
   Vector eta;
-  bool active = false;     // the free minimum lies outside the cones
+  bool active = false;  // the free minimum lies outside the cones
   bool converged = true;
 };
 

@@ -43,7 +43,8 @@ Ellipse ellipse_of(const Matrix& z) {
     if (e.angle_rad >= kPi) e.angle_rad = 0.0;
   }
   e.antisymmetric = 0.5 * (z(0, 1) - z(1, 0));
-  e.antisymmetry = ratio(std::abs(e.antisymmetric), e.minor > 0.0 ? std::sqrt(e.major * e.minor) : 0.0);
+  e.antisymmetry =
+      ratio(std::abs(e.antisymmetric), e.minor > 0.0 ? std::sqrt(e.major * e.minor) : 0.0);
   return e;
 }
 

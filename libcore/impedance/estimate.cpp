@@ -42,7 +42,8 @@ std::string join(const std::vector<std::string>& words) {
   return text;
 }
 
-// ---------------------------------------------------------------- which rows identify, which validate
+// ---------------------------------------------------------------- which rows identify, which
+// validate
 
 struct Split {
   std::vector<Span> train, held_out, all;
@@ -98,13 +99,15 @@ std::vector<Span> cut(const std::vector<Span>& spans, Index rows) {
     const Index length = span.end - span.begin;
     const Index count = std::max<Index>(1, length / std::max<Index>(1, rows));
     for (Index i = 0; i < count; ++i) {
-      pieces.push_back({span.trial, span.begin + length * i / count, span.begin + length * (i + 1) / count});
+      pieces.push_back(
+          {span.trial, span.begin + length * i / count, span.begin + length * (i + 1) / count});
     }
   }
   return pieces;
 }
 
-// ------------------------------------------------------------------------- parameters and their errors
+// ------------------------------------------------------------------------- parameters and their
+// errors
 
 Vector natural_of(const Matrix& theta, const Vector& position_mean) {
   const Index n = theta.cols();
@@ -164,11 +167,12 @@ void set_parameters(ImpedanceFit& fit, const Matrix& theta, const Vector& positi
   if (!fit.x0.allFinite()) fit.outcome |= kNotFinite;
 }
 
-// ------------------------------------------------------------------------------------------ validation
+// ------------------------------------------------------------------------------------------
+// validation
 
 // VAF per axis (3.10), and its interval by resampling blocks of one second.
-void validate(const Design& design, const std::vector<Span>& spans, const Matrix& theta, double rate,
-              std::uint64_t seed, Vector& vaf, Matrix* interval) {
+void validate(const Design& design, const std::vector<Span>& spans, const Matrix& theta,
+              double rate, std::uint64_t seed, Vector& vaf, Matrix* interval) {
   const Index n = design.axes();
   const Index q = design.instruments();
   const Index p = design.regressors();
@@ -214,7 +218,8 @@ void validate(const Design& design, const std::vector<Span>& spans, const Matrix
     for (std::size_t b = 0; b < blocks.size(); ++b) {
       drawn += sums.row(random.below(static_cast<std::int64_t>(blocks.size())));
     }
-    for (Index i = 0; i < n; ++i) replicates[static_cast<std::size_t>(i)].push_back(vaf_of(drawn, i));
+    for (Index i = 0; i < n; ++i)
+      replicates[static_cast<std::size_t>(i)].push_back(vaf_of(drawn, i));
   }
   for (Index i = 0; i < n; ++i) {
     (*interval)(0, i) = sample_quantile(replicates[static_cast<std::size_t>(i)], 0.025);
@@ -226,7 +231,8 @@ const Vector& judged_vaf(const ImpedanceFit& fit) {
   return fit.vaf.allFinite() ? fit.vaf : fit.vaf_train;
 }
 
-// ------------------------------------------------------------------------------- what cannot be learnt
+// ------------------------------------------------------------------------------- what cannot be
+// learnt
 
 // Names of the free parameters in the order of structure_map, found from the map itself.
 std::vector<std::string> parameter_names(const Matrix& map, const std::vector<std::string>& axes) {
@@ -261,11 +267,13 @@ std::string unidentifiable(const Fit& fit, const std::vector<std::string>& axes)
     motion.normalize();
     for (Index r = 0; r < p; ++r) {
       if (std::abs(motion[r]) < 0.25) continue;
-      parts.push_back(sentence(2, motion[r], " ", r == 3 * n ? std::string("a constant")
-                                                            : kSignal[r / n] +
-                                                                  axes[static_cast<std::size_t>(r % n)]));
+      parts.push_back(sentence(2, motion[r], " ",
+                               r == 3 * n
+                                   ? std::string("a constant")
+                                   : kSignal[r / n] + axes[static_cast<std::size_t>(r % n)]));
     }
-    return "the recorded motion hardly moves along one combination of signals (in units of their size: " +
+    return "the recorded motion hardly moves along one combination of signals (in units of their "
+           "size: " +
            join(parts) + ")";
   }
   const std::vector<std::string> names = parameter_names(fit.transform, axes);
@@ -276,7 +284,8 @@ std::string unidentifiable(const Fit& fit, const std::vector<std::string>& axes)
   return "the data do not tell these parameters apart: " + join(parts);
 }
 
-// ----------------------------------------------------------------------------------------- one estimate
+// ----------------------------------------------------------------------------------------- one
+// estimate
 
 struct Solved {
   Fit fit;
@@ -291,8 +300,8 @@ Solved solve_structured(const Factor& factor, const Structure& structure, Estima
   const Vector eta = (fit.transform.transpose() * fit.transform)
                          .ldlt()
                          .solve(fit.transform.transpose() * fit.theta.reshaped());
-  const SemidefiniteFit bounded =
-      fit_semidefinite(fit.information, fit.information * eta, structure_cones(structure, factor.n));
+  const SemidefiniteFit bounded = fit_semidefinite(fit.information, fit.information * eta,
+                                                   structure_cones(structure, factor.n));
   out.constrained = bounded.active;
   out.converged = bounded.converged;
   if (bounded.active) fit.theta = (fit.transform * bounded.eta).reshaped(factor.p, factor.n);
@@ -302,16 +311,17 @@ Solved solve_structured(const Factor& factor, const Structure& structure, Estima
 void require_determined(const Fit& fit, const std::vector<std::string>& axes, double limit) {
   if (fit.condition <= limit && fit.theta.allFinite()) return;
   const bool iv = fit.estimator == Estimator::kInstrumental;
-  throw Error(Fault::kAnalysis, iv ? "reference" : "position",
-              sentence(3, iv ? "with the reference as instrument, " : "", unidentifiable(fit, axes),
-                       "; its condition number is ", fit.condition, " (limit ", limit,
-                       "): perturb in every direction and with more than one frequency, or fix part of "
-                       "the model"),
-              sentence(6, "condition ", fit.condition));
+  throw Error(
+      Fault::kAnalysis, iv ? "reference" : "position",
+      sentence(3, iv ? "with the reference as instrument, " : "", unidentifiable(fit, axes),
+               "; its condition number is ", fit.condition, " (limit ", limit,
+               "): perturb in every direction and with more than one frequency, or fix part of "
+               "the model"),
+      sentence(6, "condition ", fit.condition));
 }
 
-std::string bias_sentence(const DifferenceTest& test, const ImpedanceFit& iv, const ImpedanceFit& ls,
-                          const std::vector<std::string>& axes) {
+std::string bias_sentence(const DifferenceTest& test, const ImpedanceFit& iv,
+                          const ImpedanceFit& ls, const std::vector<std::string>& axes) {
   // The diagonal stiffness that moves most, in its own standard errors, says it best.
   const Index n = iv.k.rows();
   const Index p = 3 * n + 1;
@@ -326,11 +336,13 @@ std::string bias_sentence(const DifferenceTest& test, const ImpedanceFit& iv, co
     }
   }
   const std::string axis = axes[static_cast<std::size_t>(worst)];
-  return sentence(3, "Least squares is biased by the closed loop: part of the motion was caused by the "
-                  "human's own force, and the robot's impedance leaks in with the wrong sign (k_", axis,
-                  n > 1 ? axis : "", " = ", ls.k(worst, worst), " by least squares, ",
-                  iv.k(worst, worst), " by instrumental variables; test of equality: p ",
-                  test.p_value < 1e-4 ? std::string("< 0.0001") : sentence(2, "= ", test.p_value), ").");
+  return sentence(
+      3,
+      "Least squares is biased by the closed loop: part of the motion was caused by the "
+      "human's own force, and the robot's impedance leaks in with the wrong sign (k_",
+      axis, n > 1 ? axis : "", " = ", ls.k(worst, worst), " by least squares, ", iv.k(worst, worst),
+      " by instrumental variables; test of equality: p ",
+      test.p_value < 1e-4 ? std::string("< 0.0001") : sentence(2, "= ", test.p_value), ").");
 }
 
 }  // namespace
@@ -338,15 +350,16 @@ std::string bias_sentence(const DifferenceTest& test, const ImpedanceFit& iv, co
 Matrix parameter_draws(const ImpedanceFit& fit) {
   if (fit.replicates.size() > 0) return fit.replicates;
   const Eigen::SelfAdjointEigenSolver<Matrix> eigen(fit.theta_covariance);
-  const Matrix root = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
+  const Matrix root =
+      eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
   Matrix out(fit.draw_count, natural_size(fit.theta.cols()));
   Vector normal(root.cols());
   for (Index i = 0; i < out.rows(); ++i) {
     Random random(fit.seed, kDrawStream + static_cast<std::uint64_t>(i));
     for (Index j = 0; j < normal.size(); ++j) normal[j] = random.normal();
     const Vector drawn = fit.theta.reshaped() + root * normal;
-    out.row(i) =
-        natural_of(drawn.reshaped(fit.theta.rows(), fit.theta.cols()), fit.position_mean).transpose();
+    out.row(i) = natural_of(drawn.reshaped(fit.theta.rows(), fit.theta.cols()), fit.position_mean)
+                     .transpose();
   }
   return out;
 }
@@ -378,7 +391,8 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
   const Roles roles = find_roles(record, options.position, options.force, options.reference);
   const Index n = static_cast<Index>(roles.position.size());
   out.n = n;
-  for (const Index c : roles.position) out.axes.push_back(record.channels()[static_cast<std::size_t>(c)].name);
+  for (const Index c : roles.position)
+    out.axes.push_back(record.channels()[static_cast<std::size_t>(c)].name);
   out.rotational = record.channels()[static_cast<std::size_t>(roles.position[0])].unit == "rad";
   // A lone channel called "position" is a poor subscript.
   if (n == 1 && out.axes[0].size() > 3) out.axes[0] = out.rotational ? "q" : "x";
@@ -389,12 +403,13 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
           "instrumental variables need a reference channel for every axis; the record has " +
               std::to_string(roles.reference.size()) + " of " + std::to_string(n));
 
-  auto prepared = std::make_shared<Prepared>(
-      prepare(record, roles, options.prepare, options.threads, token));
+  auto prepared =
+      std::make_shared<Prepared>(prepare(record, roles, options.prepare, options.threads, token));
   out.prepared = prepared;
   out.report = prepared->report;
   for (const PreparedTrial& trial : prepared->trials) {
-    out.times.push_back(Eigen::Map<const Vector>(record.time().data() + trial.begin(), trial.rows()));
+    out.times.push_back(
+        Eigen::Map<const Vector>(record.time().data() + trial.begin(), trial.rows()));
   }
   const double rate = record.rate_hz();
   const Split split = split_rows(record, *prepared, options.train_s);
@@ -477,8 +492,8 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
   const Index each = parameters * n;
   // A record of T seconds smoothed to B Hz holds 2 B T independent values an axis, and the fit took
   // some of them.
-  const double independent = 2.0 * out.report.effective_cutoff_hz *
-                             static_cast<double>(row_count(spans)) / rate;
+  const double independent =
+      2.0 * out.report.effective_cutoff_hz * static_cast<double>(row_count(spans)) / rate;
   const double taken = static_cast<double>(parameters);
   const double shrinkage = independent > 2.0 * taken ? independent / (independent - taken) : 2.0;
   // Products of two signals reach twice the band; ten sums for each of its periods lose nothing.
@@ -495,7 +510,8 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
     if (!solved[e].converged) fit.outcome |= kNotConverged;
     if (fit.condition > kIllCondition) fit.outcome |= kIllConditioned;
     set_parameters(fit, solved[e].fit.theta, position_mean);
-    validate(design, split.held_out, trained[e].fit.theta, rate, options.seed, fit.vaf, &fit.vaf_interval);
+    validate(design, split.held_out, trained[e].fit.theta, rate, options.seed, fit.vaf,
+             &fit.vaf_interval);
     validate(design, split.train, trained[e].fit.theta, rate, options.seed, fit.vaf_train, nullptr);
     fit.vaf_reference =
         reference_vaf(*prepared, fit.theta, fit.position_mean, options.payload_kg, band);
@@ -508,9 +524,10 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
       const std::vector<Span> blocks =
           split.segmented ? spans : cut(spans, static_cast<Index>(options.block_s * rate));
       if (blocks.size() < 5) {
-        throw Error(Fault::kData, "errors",
-                    "a bootstrap over " + std::to_string(blocks.size()) +
-                        " blocks says nothing; record longer, shorten block_s or use Newey-West errors");
+        throw Error(
+            Fault::kData, "errors",
+            "a bootstrap over " + std::to_string(blocks.size()) +
+                " blocks says nothing; record longer, shorten block_s or use Newey-West errors");
       }
       const Matrix thetas =
           block_bootstrap(design, blocks, solved[e].fit.transform, fit.estimator, options.bootstrap,
@@ -518,7 +535,8 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
       fit.replicates.resize(thetas.rows(), natural_size(n));
       for (Index i = 0; i < thetas.rows(); ++i) {
         const Vector theta = thetas.row(i);  // Eigen 3.4.0 reshapes a strided row wrongly
-        fit.replicates.row(i) = natural_of(theta.reshaped(parameters, n), position_mean).transpose();
+        fit.replicates.row(i) =
+            natural_of(theta.reshaped(parameters, n), position_mean).transpose();
       }
       fit.covariance = sample_covariance(fit.replicates);
     } else {
@@ -543,14 +561,16 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
     if (used >= 2) {
       out.trial_mean = table.topRows(used).colwise().mean().transpose();
       out.trial_error =
-          (sample_covariance(table.topRows(used)).diagonal() / static_cast<double>(used)).cwiseSqrt();
+          (sample_covariance(table.topRows(used)).diagonal() / static_cast<double>(used))
+              .cwiseSqrt();
     }
   }
 
   out.motion = motion_share(*prepared, band);
   out.lag = check_lag(*prepared, spans, wanted[0], options.hac_lag_s);
 
-  // ------------------------------------------------------------------------------- what to say of it
+  // ------------------------------------------------------------------------------- what to say of
+  // it
   out.fit = std::move(results[0]);
   for (const Finding& finding : findings) {
     const auto concerns = [&](const std::vector<Index>& channels) {
@@ -565,7 +585,8 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
     }
     out.fit.outcome |= kSuspectData;
     std::string message = finding.message;
-    if (!message.empty()) message[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(message[0])));
+    if (!message.empty())
+      message[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(message[0])));
     if (!message.empty() && message.back() != '.') message += '.';
     out.warnings.push_back(std::move(message));
   }
@@ -591,8 +612,10 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
   } else if (!have_reference) {
     out.fit.outcome |= kUnchecked;
     out.notes.push_back(
-        "The log holds no reference (commanded perturbation), so it cannot be checked whether the human "
-        "caused part of the motion; if so, least squares is biased towards minus the robot's impedance.");
+        "The log holds no reference (commanded perturbation), so it cannot be checked whether the "
+        "human "
+        "caused part of the motion; if so, least squares is biased towards minus the robot's "
+        "impedance.");
   }
   Index worst = 0;
   const double low = judged_vaf(out.fit).minCoeff(&worst);
@@ -600,20 +623,24 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
     out.notes.push_back(sentence(
         3, "The model accounts for ", low, " % of the held-out force along ",
         out.axes[static_cast<std::size_t>(worst)], ", but for ", out.fit.vaf_reference[worst],
-        " % of what the perturbation caused: the rest is the human's own force, not a defect of the "
+        " % of what the perturbation caused: the rest is the human's own force, not a defect of "
+        "the "
         "model."));
   }
   if ((out.fit.outcome & kPoorFit) != 0) {
-    out.warnings.push_back(sentence(
-        3, "A second-order model does not describe this recording: it ",
-        low > 0.0 ? sentence(3, "accounts for only ", low, " % of the variance of")
-                  : std::string("predicts worse than the mean of"),
-        " the held-out force along ", out.axes[static_cast<std::size_t>(worst)], ". Active muscles, reflexes or friction may be at work; M, B and K are then no more than the best "
-        "second-order summary."));
+    out.warnings.push_back(
+        sentence(3, "A second-order model does not describe this recording: it ",
+                 low > 0.0 ? sentence(3, "accounts for only ", low, " % of the variance of")
+                           : std::string("predicts worse than the mean of"),
+                 " the held-out force along ", out.axes[static_cast<std::size_t>(worst)],
+                 ". Active muscles, reflexes or friction may be at work; M, B and K are then no "
+                 "more than the best "
+                 "second-order summary."));
   }
   if ((out.fit.outcome & kIllConditioned) != 0) {
     out.warnings.push_back(sentence(3, "The estimate is ill-conditioned (condition number ",
-                                    out.fit.condition, "): ", unidentifiable(solved[0].fit, out.axes), "."));
+                                    out.fit.condition,
+                                    "): ", unidentifiable(solved[0].fit, out.axes), "."));
   }
   if (out.lag.available && std::abs(out.lag.lag_s) > kLeastLagS &&
       std::abs(out.lag.lag_s) > 4.0 * out.lag.standard_error_s) {
@@ -621,26 +648,31 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
     out.warnings.push_back(sentence(
         3, "The force channel seems to be ", std::abs(out.lag.lag_s) * 1e3, " ms (standard error ",
         out.lag.standard_error_s * 1e3, " ms) ", out.lag.lag_s > 0 ? "later" : "earlier",
-        " than the position: a lag biases the damping by about minus the stiffness times the lag. A model "
+        " than the position: a lag biases the damping by about minus the stiffness times the lag. "
+        "A model "
         "that does not fit can look like a lag."));
   }
   if ((out.fit.outcome & kNotFinite) != 0) {
-    out.warnings.push_back("The stiffness matrix is singular, so there is no equilibrium position x0.");
+    out.warnings.push_back(
+        "The stiffness matrix is singular, so there is no equilibrium position x0.");
   }
   if ((out.fit.outcome & kNotConverged) != 0) {
     out.warnings.push_back("The constrained fit did not converge to its tolerance.");
   }
   if (out.fit.constrained) {
     out.notes.push_back(
-        "A positive-semidefinite constraint is active: standard errors are those of the symmetric model "
+        "A positive-semidefinite constraint is active: standard errors are those of the symmetric "
+        "model "
         "without it.");
   }
   if (out.held_out_rows == 0) {
-    out.warnings.push_back("No data were held out, so the fit could not be validated on fresh data.");
+    out.warnings.push_back(
+        "No data were held out, so the fit could not be validated on fresh data.");
   }
   if (out.report.short_trials) {
     out.notes.push_back(
-        "A trial is shorter than the low pass needs to settle: its ends were extended by less than the "
+        "A trial is shorter than the low pass needs to settle: its ends were extended by less than "
+        "the "
         "filter's memory.");
   }
   out.provenance = record.provenance();
@@ -648,14 +680,16 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
       6, "prepared: Savitzky-Golay order ", out.report.order, ", window ", out.report.window,
       out.report.lowpass_order > 0
           ? sentence(6, ", zero-phase Butterworth order ", out.report.lowpass_order, " at ",
-                     out.report.lowpass_hz, " Hz (-3 dB at ", out.report.effective_cutoff_hz, " Hz)")
+                     out.report.lowpass_hz, " Hz (-3 dB at ", out.report.effective_cutoff_hz,
+                     " Hz)")
           : std::string(", no low pass")));
   out.provenance.push_back(sentence(
       6, "identified: ",
-      out.fit.estimator == Estimator::kInstrumental ? "instrumental variables" : "least squares", ", ",
-      row_count(spans), " rows, ",
-      options.errors == ErrorModel::kNeweyWest ? sentence(6, "Newey-West errors, lag ", options.hac_lag_s, " s")
-                                               : sentence(6, "block bootstrap, ", options.bootstrap, " resamples"),
+      out.fit.estimator == Estimator::kInstrumental ? "instrumental variables" : "least squares",
+      ", ", row_count(spans), " rows, ",
+      options.errors == ErrorModel::kNeweyWest
+          ? sentence(6, "Newey-West errors, lag ", options.hac_lag_s, " s")
+          : sentence(6, "block bootstrap, ", options.bootstrap, " resamples"),
       ", seed ", options.seed));
   return out;
 }

@@ -26,7 +26,7 @@ enum class Refit { kAuto, kYes, kNo };
 enum Outcome : std::uint32_t {
   kGood = 0,
   kClosedLoopBiased = 1u << 0,  // least squares differs from instrumental variables
-  kPoorFit = 1u << 1,  // VAF of an axis below the limit, and not for the human's own force
+  kPoorFit = 1u << 1,           // VAF of an axis below the limit, and not for the human's own force
   kIllConditioned = 1u << 2,
   kForceLag = 1u << 3,      // force and motion are not simultaneous
   kNotConverged = 1u << 4,  // of the constrained fit
@@ -43,7 +43,8 @@ struct ImpedanceOptions {
   ErrorModel errors = ErrorModel::kNeweyWest;
   Refit refit = Refit::kAuto;  // report parameters of all data; auto: when trials hold segments
   double payload_kg = 0.0;
-  double train_s = 0.0;    // 0: first 40 s, at most 80 % of a trial, or the first half of its segments
+  double train_s =
+      0.0;  // 0: first 40 s, at most 80 % of a trial, or the first half of its segments
   double hac_lag_s = 0.4;  // of the Newey-West errors
   double block_s = 2.0;    // of the bootstrap, when the record has no segments
   Index bootstrap = 1000;  // resamples, for kBlockBootstrap
@@ -62,7 +63,8 @@ struct ImpedanceFit {
   Matrix covariance;  // of the natural parameters
   Vector vaf;         // percent, per axis, on held-out rows; NaN when there are none
   Vector vaf_train;
-  Vector vaf_reference;  // percent, of the force that the perturbation caused; NaN without a reference
+  Vector
+      vaf_reference;  // percent, of the force that the perturbation caused; NaN without a reference
   Matrix vaf_interval;  // 2 x n, 95 %, block bootstrap of the held-out rows
   double condition = 0.0;
   std::uint32_t outcome = kGood;
@@ -88,10 +90,10 @@ struct ImpedanceEstimate {
   Index n = 0;
   std::vector<std::string> axes;
   bool rotational = false;
-  ImpedanceFit fit;                         // what is reported
+  ImpedanceFit fit;                           // what is reported
   std::unique_ptr<ImpedanceFit> alternative;  // least squares beside instrumental variables
-  std::vector<TrialFit> trials;             // when the record has several
-  Vector trial_mean, trial_error;           // natural parameters: mean and its standard error
+  std::vector<TrialFit> trials;               // when the record has several
+  Vector trial_mean, trial_error;             // natural parameters: mean and its standard error
   MotionShare motion;
   DifferenceTest test;
   LagCheck lag;
@@ -110,9 +112,9 @@ struct ImpedanceEstimate {
   std::shared_ptr<const Prepared> prepared;
 };
 
-// `findings` (of record/look.hpp): those above a note that concern the clock or a channel in use become
-// warnings. Throws Error: kData or kArgument as prepare; kAnalysis when the data do not determine the
-// parameters, with the direction in words.
+// `findings` (of record/look.hpp): those above a note that concern the clock or a channel in use
+// become warnings. Throws Error: kData or kArgument as prepare; kAnalysis when the data do not
+// determine the parameters, with the direction in words.
 ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOptions& options,
                                      Token* token = nullptr,
                                      const std::vector<Finding>& findings = {});

@@ -17,10 +17,14 @@ Shapes shapes_of(const Structure& structure) {
 
 Index parameters(Shape shape, Index n) {
   switch (shape) {
-    case Shape::kNone: return 0;
-    case Shape::kScalar: return 1;
-    case Shape::kSymmetric: return n * (n + 1) / 2;
-    case Shape::kFull: return n * n;
+    case Shape::kNone:
+      return 0;
+    case Shape::kScalar:
+      return 1;
+    case Shape::kSymmetric:
+      return n * (n + 1) / 2;
+    case Shape::kFull:
+      return n * n;
   }
   return 0;
 }
@@ -37,7 +41,8 @@ Matrix structure_map(const Structure& structure, Index n) {
   for (Index term = 0; term < 3; ++term) {
     const auto entry = [&](Index row, Index column) { return row * p + term * n + column; };
     switch (shapes.of[term]) {
-      case Shape::kNone: break;
+      case Shape::kNone:
+        break;
       case Shape::kScalar:
         for (Index i = 0; i < n; ++i) map(entry(i, i), at) = 1.0;
         ++at;

@@ -1,5 +1,5 @@
-// What the fit may assume of M, B and K: a linear map from the free parameters to all of them, so that
-// a constraint is part of the fit and not applied afterwards.
+// What the fit may assume of M, B and K: a linear map from the free parameters to all of them, so
+// that a constraint is part of the fit and not applied afterwards.
 #pragma once
 
 #include <vector>

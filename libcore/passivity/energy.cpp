@@ -22,7 +22,8 @@ EnergySeries absorbed_energy(MatrixRef force, MatrixRef velocity, double rate_hz
   require(rate_hz > 0.0, "rate_hz", "the sampling rate must be positive");
   const Index rows = force.rows();
   EnergySeries out;
-  out.time_s = Vector::LinSpaced(rows, 0.0, static_cast<double>(std::max<Index>(rows - 1, 0)) / rate_hz);
+  out.time_s =
+      Vector::LinSpaced(rows, 0.0, static_cast<double>(std::max<Index>(rows - 1, 0)) / rate_hz);
   out.energy_j = Vector::Zero(rows);
   out.dissipation = Vector::Zero(rows);
   const Vector power = -(force.cwiseProduct(velocity)).rowwise().sum();

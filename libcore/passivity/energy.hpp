@@ -1,5 +1,6 @@
 // Passivity from the data: energy that flowed into the arm, and the excess or shortage of passivity
-// that it shows. Dyck 2013, (3.1) and (4.3); the shortage is the smallest such lambda, see the errata.
+// that it shows. Dyck 2013, (3.1) and (4.3); the shortage is the smallest such lambda, see the
+// errata.
 #pragma once
 
 #include <vector>
@@ -10,18 +11,18 @@ namespace ulna {
 
 struct EnergySeries {
   Vector time_s;
-  Vector energy_j;      // E(t) = -integral of F_h . x' dt: absorbed by the arm, trapezoidal
-  Vector dissipation;   // D(t) = integral of x' . x' dt
+  Vector energy_j;     // E(t) = -integral of F_h . x' dt: absorbed by the arm, trapezoidal
+  Vector dissipation;  // D(t) = integral of x' . x' dt
 };
 
 // force: by the human on the robot; velocity of the hand; rows x n, one trial at rate_hz.
 EnergySeries absorbed_energy(MatrixRef force, MatrixRef velocity, double rate_hz);
 
-// Largest delta with E(t) >= beta + delta D(t) wherever D(t) is at least min_share of its final value:
-// positive an excess (EOP), negative a shortage (SOP). beta <= 0 is minus the energy stored at the
-// start. NaN when nothing moved.
+// Largest delta with E(t) >= beta + delta D(t) wherever D(t) is at least min_share of its final
+// value: positive an excess (EOP), negative a shortage (SOP). beta <= 0 is minus the energy stored
+// at the start. NaN when nothing moved.
 struct EnergyIndex {
-  double delta = 0.0;  // N s/m or N m s/rad
+  double delta = 0.0;   // N s/m or N m s/rad
   double time_s = 0.0;  // where the bound is met
 };
 EnergyIndex energy_index(const EnergySeries& series, double beta_j, double min_share);
@@ -30,8 +31,8 @@ EnergyIndex energy_index(const EnergySeries& series, double beta_j, double min_s
 EnergyIndex energy_index(const std::vector<EnergySeries>& trials, const std::vector<double>& beta_j,
                          double min_share);
 
-// The index of `count` records made of blocks drawn with replacement: block r of the series keeps its
-// increments of E and D. beta applies to the start of every replicate (its smallest value).
+// The index of `count` records made of blocks drawn with replacement: block r of the series keeps
+// its increments of E and D. beta applies to the start of every replicate (its smallest value).
 std::vector<double> energy_index_bootstrap(const std::vector<EnergySeries>& trials, double beta_j,
                                            double min_share, double block_s, Index count,
                                            std::uint64_t seed);

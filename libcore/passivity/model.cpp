@@ -45,18 +45,20 @@ ModelMargins model_passivity(const Matrix& m, const Matrix& b, const Matrix& k,
   out.antisymmetry_k = antisymmetry_of(k);
   out.m_symmetric = out.antisymmetry_m <= antisymmetry_threshold;
   out.k_symmetric = out.antisymmetry_k <= antisymmetry_threshold;
-  // Rounding leaves an exactly singular matrix with antisymmetry 0 / 0: no antisymmetric part is none.
+  // Rounding leaves an exactly singular matrix with antisymmetry 0 / 0: no antisymmetric part is
+  // none.
   if ((m - m.transpose()).isZero(0.0)) out.m_symmetric = true;
   if ((k - k.transpose()).isZero(0.0)) out.k_symmetric = true;
 
-  const Answer answers[] = {sign_answer(out.m_min, m, tolerance), sign_answer(out.b_min, b, tolerance),
+  const Answer answers[] = {sign_answer(out.m_min, m, tolerance),
+                            sign_answer(out.b_min, b, tolerance),
                             sign_answer(out.k_min, k, tolerance),
                             out.m_symmetric ? Answer::kPassive : Answer::kNotPassive,
                             out.k_symmetric ? Answer::kPassive : Answer::kNotPassive};
   const auto any = [&](Answer answer) {
     return std::find(std::begin(answers), std::end(answers), answer) != std::end(answers);
   };
-  out.answer = any(Answer::kNotPassive) ? Answer::kNotPassive
+  out.answer = any(Answer::kNotPassive)  ? Answer::kNotPassive
                : any(Answer::kUndecided) ? Answer::kUndecided
                                          : Answer::kPassive;
   const bool storage = answers[0] != Answer::kNotPassive && answers[2] != Answer::kNotPassive &&

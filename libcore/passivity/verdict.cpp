@@ -48,9 +48,10 @@ ModelDraws draw_model(const ImpedanceEstimate& estimate, const ModelMargins& bes
     out.b_min.push_back(margins.b_min);
     out.k_min.push_back(margins.k_min);
     ++valid;
-    const bool symmetric = (best.m_symmetric || margins.m_symmetric) &&
-                           (best.k_symmetric || margins.k_symmetric);
-    if (symmetric && margins.m_min >= 0.0 && margins.b_min >= 0.0 && margins.k_min >= 0.0) ++passive;
+    const bool symmetric =
+        (best.m_symmetric || margins.m_symmetric) && (best.k_symmetric || margins.k_symmetric);
+    if (symmetric && margins.m_min >= 0.0 && margins.b_min >= 0.0 && margins.k_min >= 0.0)
+      ++passive;
   }
   out.probability = valid > 0 ? static_cast<double>(passive) / static_cast<double>(valid) : kNaN;
   return out;
@@ -73,9 +74,12 @@ Answer decide(double probability, double level) {
 
 const char* word(Answer answer) {
   switch (answer) {
-    case Answer::kPassive: return "passive";
-    case Answer::kNotPassive: return "not passive";
-    case Answer::kUndecided: break;
+    case Answer::kPassive:
+      return "passive";
+    case Answer::kNotPassive:
+      return "not passive";
+    case Answer::kUndecided:
+      break;
   }
   return "undecided";
 }
@@ -83,7 +87,8 @@ const char* word(Answer answer) {
 // How much longer the record must be for the margin to leave zero, when it is the weakest link.
 std::string what_would_change(const ImpedanceEstimate& estimate, const Verdict& verdict) {
   if (verdict.approach == Approach::kEnergy) {
-    return "A model that describes the recording (more of the force accounted for) would let the verdict "
+    return "A model that describes the recording (more of the force accounted for) would let the "
+           "verdict "
            "rest on the impedance; the energy verdict holds for this perturbation only.";
   }
   struct Margin {
@@ -102,9 +107,10 @@ std::string what_would_change(const ImpedanceEstimate& estimate, const Verdict& 
     if (distance(margin) < distance(*weakest)) weakest = &margin;
   }
   if (!verdict.model.k_symmetric || !verdict.model.m_symmetric) {
-    return sentence("An antisymmetric part of ", verdict.model.k_symmetric ? "M" : "K",
-                    " below the threshold would: repeat the trial to see whether it is a property of the "
-                    "arm or an error of the measurement.");
+    return sentence(
+        "An antisymmetric part of ", verdict.model.k_symmetric ? "M" : "K",
+        " below the threshold would: repeat the trial to see whether it is a property of the "
+        "arm or an error of the measurement.");
   }
   const double width = weakest->interval[1] - weakest->interval[0];
   if (verdict.answer == Answer::kUndecided) {
@@ -115,8 +121,8 @@ std::string what_would_change(const ImpedanceEstimate& estimate, const Verdict& 
                     " times as much data of this kind would settle its sign.");
   }
   (void)estimate;
-  return sentence("The closest margin is the smallest ", weakest->name, " eigenvalue, ", weakest->value,
-                  " (95 % ", weakest->interval[0], " to ", weakest->interval[1],
+  return sentence("The closest margin is the smallest ", weakest->name, " eigenvalue, ",
+                  weakest->value, " (95 % ", weakest->interval[0], " to ", weakest->interval[1],
                   "): the verdict changes only if that changes sign.");
 }
 
@@ -149,7 +155,8 @@ Verdict assess_passivity(const ImpedanceEstimate& estimate, const VerdictOptions
   interval(replicates, options.level, out.energy_interval);
   out.energy_probability = kNaN;
   if (!replicates.empty()) {
-    const auto absorbed = std::count_if(replicates.begin(), replicates.end(), [](double d) { return d >= 0.0; });
+    const auto absorbed =
+        std::count_if(replicates.begin(), replicates.end(), [](double d) { return d >= 0.0; });
     out.energy_probability = static_cast<double>(absorbed) / static_cast<double>(replicates.size());
   }
 
@@ -159,19 +166,22 @@ Verdict assess_passivity(const ImpedanceEstimate& estimate, const VerdictOptions
   out.approach = model_holds ? Approach::kModel : Approach::kEnergy;
   out.probability = model_holds ? out.model_probability : out.energy_probability;
   out.answer = decide(out.probability, options.level);
-  const Answer other = decide(model_holds ? out.energy_probability : out.model_probability, options.level);
+  const Answer other =
+      decide(model_holds ? out.energy_probability : out.model_probability, options.level);
 
   std::string dropped;
   if (estimate.n > 1 && estimate.structure.model == Model::kFree && model_holds) {
-    dropped = sentence(" Antisymmetric parts of M (", 100.0 * out.model.antisymmetry_m, " %) and K (",
-                       100.0 * out.model.antisymmetry_k, " %) are ",
-                       out.model.m_symmetric && out.model.k_symmetric ? "dropped" : "not both dropped",
-                       "; the threshold is ", 100.0 * options.antisymmetry_threshold, " %.");
+    dropped =
+        sentence(" Antisymmetric parts of M (", 100.0 * out.model.antisymmetry_m, " %) and K (",
+                 100.0 * out.model.antisymmetry_k, " %) are ",
+                 out.model.m_symmetric && out.model.k_symmetric ? "dropped" : "not both dropped",
+                 "; the threshold is ", 100.0 * options.antisymmetry_threshold, " %.");
   }
   if (model_holds) {
-    out.reason = sentence("It rests on the identified model: the chance that M and K are positive "
-                          "semidefinite and the smallest damping is not negative is ",
-                          out.model_probability, ".", dropped);
+    out.reason = sentence(
+        "It rests on the identified model: the chance that M and K are positive "
+        "semidefinite and the smallest damping is not negative is ",
+        out.model_probability, ".", dropped);
     if (out.answer != Answer::kUndecided && other != Answer::kUndecided && other != out.answer) {
       out.answer = Answer::kUndecided;
       out.reason += sentence(" The energy balance of this recording says ", word(other),
@@ -179,7 +189,8 @@ Verdict assess_passivity(const ImpedanceEstimate& estimate, const VerdictOptions
     }
   } else {
     out.reason = sentence(
-        "It rests on the energy that the arm absorbed in this recording, because the model does not hold "
+        "It rests on the energy that the arm absorbed in this recording, because the model does "
+        "not hold "
         "(see the warnings); the model by itself would say ",
         word(other), ".");
   }

@@ -33,7 +33,7 @@ struct Verdict {
   double m_min_interval[2] = {0.0, 0.0};
   double k_min_interval[2] = {0.0, 0.0};
 
-  EnergyIndex energy;  // with beta from the identified stored energy
+  EnergyIndex energy;               // with beta from the identified stored energy
   double energy_probability = 0.0;  // NaN when the record is too short for it
   double energy_interval[2] = {0.0, 0.0};
   double beta_j = 0.0;  // smallest over the trials

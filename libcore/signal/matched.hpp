@@ -3,10 +3,10 @@
 // The kernels of one polynomial fit do not have the same response: at 3 Hz (101 samples, order 6,
 // 1 kHz) the first and second derivative deviate from omega and omega^2 by 1e-5 where the value
 // deviates by 1e-6, and a regression of force on motion turns that into an error of the parameters.
-// Here each derivative kernel gets the smallest change (in the sum of squares, that is in noise gain)
-// that makes its response (j omega)^d times the response of the value kernel throughout the band that
-// the low pass leaves. Force and motion then carry one and the same linear operator, and the
-// parameters of a noise-free record come out exact.
+// Here each derivative kernel gets the smallest change (in the sum of squares, that is in noise
+// gain) that makes its response (j omega)^d times the response of the value kernel throughout the
+// band that the low pass leaves. Force and motion then carry one and the same linear operator, and
+// the parameters of a noise-free record come out exact.
 #pragma once
 
 #include "base/types.hpp"

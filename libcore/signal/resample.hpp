@@ -35,8 +35,8 @@ struct ResampleOptions {
 // Values of columns(y) at t0_s + k / rate_hz, k = 0 ... n - 1, which must lie within the recorded
 // times. The record is taken as band-limited to 0.7 of its own Nyquist frequency (mean rate / 2)
 // and fitted by least squares in windowed-sinc functions, so jitter up to 30 % rms of the step is
-// undone; a lower rate_hz low-passes to 0.7 of the new Nyquist frequency. Some 64 samples at either end
-// are less exact. Throws Error (kData) at a gap, with its row.
+// undone; a lower rate_hz low-passes to 0.7 of the new Nyquist frequency. Some 64 samples at either
+// end are less exact. Throws Error (kData) at a gap, with its row.
 Matrix resample_columns(VectorRef times, MatrixRef y, double t0_s, double rate_hz, Index n,
                         const ResampleOptions& options = {}, Token* token = nullptr);
 

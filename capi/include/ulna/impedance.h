@@ -3,9 +3,9 @@
  *
  *     M x'' + B x' + K (x - x0) = -F        (3.2) of Dyck 2013
  *
- * x: position of the hand or joint, m or rad. F: force or torque by the human on the robot, N or Nm.
- * M kg or kg m^2, B N s/m or N m s/rad, K N/m or N m/rad, x0 m or rad. "Natural" parameters are M, B
- * and K row by row, then x0: 3 n^2 + n values. */
+ * x: position of the hand or joint, m or rad. F: force or torque by the human on the robot, N or
+ * Nm. M kg or kg m^2, B N s/m or N m s/rad, K N/m or N m/rad, x0 m or rad. "Natural" parameters are
+ * M, B and K row by row, then x0: 3 n^2 + n values. */
 #ifndef ULNA_IMPEDANCE_H
 #define ULNA_IMPEDANCE_H
 
@@ -46,8 +46,8 @@ extern "C" {
 
 /** Outcome bit: least squares differs significantly from instrumental variables. @since 0.1 */
 #define ULNA_OUTCOME_CLOSED_LOOP_BIASED (1)
-/** Outcome bit: the model accounts for too little of the held-out force, and the human's own force is
- * not the reason. @since 0.1 */
+/** Outcome bit: the model accounts for too little of the held-out force, and the human's own force
+ * is not the reason. @since 0.1 */
 #define ULNA_OUTCOME_POOR_FIT (2)
 /** Outcome bit: the data hardly determine some direction. @since 0.1 */
 #define ULNA_OUTCOME_ILL_CONDITIONED (4)
@@ -60,7 +60,8 @@ extern "C" {
 /** Outcome bit: no reference, so the cause of the motion could not be checked. @since 0.1 */
 #define ULNA_OUTCOME_UNCHECKED (64)
 
-/** Outcome bit: the record holds something to check first, as a unit that looks wrong. @since 0.1 */
+/** Outcome bit: the record holds something to check first, as a unit that looks wrong. @since 0.1
+ */
 #define ULNA_OUTCOME_SUSPECT_DATA (128)
 
 /** The estimate that is reported. @since 0.1 */
@@ -99,8 +100,8 @@ extern "C" {
 /** Standard error of that mean; empty for one trial. @since 0.1 */
 #define ULNA_IMPEDANCE_TRIAL_ERROR (14)
 
-/** Variance accounted for of the force that the perturbation caused, percent, n: the human's own force
- * does not lower it. NaN without a reference. @since 0.1 */
+/** Variance accounted for of the force that the perturbation caused, percent, n: the human's own
+ * force does not lower it. NaN without a reference. @since 0.1 */
 #define ULNA_IMPEDANCE_VAF_REFERENCE (15)
 
 /** Time of the prepared rows, s. @since 0.1 */
@@ -142,35 +143,35 @@ typedef struct ulna_impedance_options {
   int32_t estimator;                   /* ULNA_ESTIMATOR_... */
   int32_t errors;                      /* ULNA_ERRORS_... */
   int32_t refit;                       /* ULNA_REFIT_... */
-  double payload_kg;                   /* known mass between sensor and hand, removed from M; kg m^2 for a joint */
-  double train_s;                      /* identify from the first train_s of every trial; 0: 40 s, at most 80 % */
-  double lag_s;                        /* of the Newey-West errors; 0: 0.4 s */
-  double block_s;                      /* of the bootstrap; 0: 2 s */
-  double condition_limit;              /* above it the call fails; 0: 1000 */
-  double poor_vaf;                     /* percent, below it the fit is called poor; 0: 80 */
-  int64_t bootstrap;                   /* resamples; 0: 1000 */
-  int64_t draws;                       /* for derived intervals; 0: 4000 */
-  int64_t seed;                        /* of draws and resamples; 0 is a seed */
-  int32_t threads;                     /* 0: one per processor; results do not depend on it */
-  int32_t reserved;                    /* zero */
+  double payload_kg; /* known mass between sensor and hand, removed from M; kg m^2 for a joint */
+  double train_s;    /* identify from the first train_s of every trial; 0: 40 s, at most 80 % */
+  double lag_s;      /* of the Newey-West errors; 0: 0.4 s */
+  double block_s;    /* of the bootstrap; 0: 2 s */
+  double condition_limit; /* above it the call fails; 0: 1000 */
+  double poor_vaf;        /* percent, below it the fit is called poor; 0: 80 */
+  int64_t bootstrap;      /* resamples; 0: 1000 */
+  int64_t draws;          /* for derived intervals; 0: 4000 */
+  int64_t seed;           /* of draws and resamples; 0 is a seed */
+  int32_t threads;        /* 0: one per processor; results do not depend on it */
+  int32_t reserved;       /* zero */
 } ulna_impedance_options;
 
 /** What an estimate is about.
  * @since 0.1 */
 typedef struct ulna_impedance_info {
-  int64_t struct_size;              /* set by the caller to sizeof(ulna_impedance_info) */
-  int32_t axes;                     /* n */
-  int32_t rotational;               /* 1: rad and Nm; 0: m and N */
-  int32_t fits;                     /* 1, or 2 with an alternative */
-  int32_t refitted;                 /* 1: the reported parameters are of all data */
-  int64_t trials;                   /* prepared trials */
-  int64_t train_rows;               /* samples identified from, before a refit */
-  int64_t held_out_rows;            /* samples validated on */
-  double train_s;                   /* 0 when the split is by segments */
-  double payload_kg;                /* removed from M */
-  double lag_s;                     /* force later than motion; NaN when it could not be checked */
-  double lag_error_s;               /* its standard error */
-  double difference_p;              /* test that both estimators agree; NaN with one fit */
+  int64_t struct_size;   /* set by the caller to sizeof(ulna_impedance_info) */
+  int32_t axes;          /* n */
+  int32_t rotational;    /* 1: rad and Nm; 0: m and N */
+  int32_t fits;          /* 1, or 2 with an alternative */
+  int32_t refitted;      /* 1: the reported parameters are of all data */
+  int64_t trials;        /* prepared trials */
+  int64_t train_rows;    /* samples identified from, before a refit */
+  int64_t held_out_rows; /* samples validated on */
+  double train_s;        /* 0 when the split is by segments */
+  double payload_kg;     /* removed from M */
+  double lag_s;          /* force later than motion; NaN when it could not be checked */
+  double lag_error_s;    /* its standard error */
+  double difference_p;   /* test that both estimators agree; NaN with one fit */
 } ulna_impedance_info;
 
 /** One fit of an estimate.
@@ -184,8 +185,8 @@ typedef struct ulna_fit_info {
   double condition;    /* of the regressors, in unit columns */
 } ulna_fit_info;
 
-/** Ellipse of the symmetric part of a 2 x 2 matrix, and its antisymmetric part. (3.11)-(3.17), (3.26)
- * of Dyck 2013, with (3.17) by atan2. Intervals are NaN where there are none.
+/** Ellipse of the symmetric part of a 2 x 2 matrix, and its antisymmetric part. (3.11)-(3.17),
+ * (3.26) of Dyck 2013, with (3.17) by atan2. Intervals are NaN where there are none.
  * @since 0.1 */
 typedef struct ulna_ellipse {
   int64_t struct_size;             /* set by the caller to sizeof(ulna_ellipse) */

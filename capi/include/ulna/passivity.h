@@ -1,6 +1,6 @@
-/* Is the limb passive, and how sure is that? Two approaches: the eigenvalues of the identified model
- * over its uncertainty (Theorem 3.2 of Dyck 2013, corrected), and the energy that flowed into the limb
- * during the recording ((3.1) and (4.3)).
+/* Is the limb passive, and how sure is that? Two approaches: the eigenvalues of the identified
+ * model over its uncertainty (Theorem 3.2 of Dyck 2013, corrected), and the energy that flowed into
+ * the limb during the recording ((3.1) and (4.3)).
  *
  * Sign: absorbed energy is positive. Excess of passivity is positive, shortage negative; N s/m, or
  * N m s/rad for joints. */
@@ -36,20 +36,20 @@ typedef struct ulna_passivity_options {
   int64_t struct_size;           /* sizeof(ulna_passivity_options) */
   double antisymmetry_threshold; /* share below which antisymmetry is dropped; 0: 0.15; < 0: none */
   double level;                  /* of intervals and of the decision; 0: 0.95 */
-  double min_share;              /* of the motion before which energy is not judged; 0: 0.05; < 0: 0 */
-  double block_s;                /* of the energy bootstrap; 0: 2 s */
-  int64_t bootstrap;             /* resamples; 0: 1000 */
-  int64_t seed;                  /* 0 is a seed */
+  double min_share;  /* of the motion before which energy is not judged; 0: 0.05; < 0: 0 */
+  double block_s;    /* of the energy bootstrap; 0: 2 s */
+  int64_t bootstrap; /* resamples; 0: 1000 */
+  int64_t seed;      /* 0 is a seed */
 } ulna_passivity_options;
 
 /** Margins of M, B and K.
  * @since 0.1 */
 typedef struct ulna_passivity_margins {
-  int64_t struct_size;   /* set by the caller to sizeof(ulna_passivity_margins) */
-  double m_min;          /* smallest eigenvalue of the symmetric part of M */
-  double b_min;          /* of B: the excess of passivity when M and K allow one */
-  double k_min;          /* of K */
-  double excess;         /* b_min, or minus infinity when M or K is not symmetric and semidefinite */
+  int64_t struct_size; /* set by the caller to sizeof(ulna_passivity_margins) */
+  double m_min;        /* smallest eigenvalue of the symmetric part of M */
+  double b_min;        /* of B: the excess of passivity when M and K allow one */
+  double k_min;        /* of K */
+  double excess;       /* b_min, or minus infinity when M or K is not symmetric and semidefinite */
   double antisymmetry_m; /* (3.26) of Dyck 2013 */
   double antisymmetry_k; /* (3.26) */
   int32_t m_symmetric;   /* 1: the antisymmetric part is below the threshold and dropped */
@@ -61,21 +61,21 @@ typedef struct ulna_passivity_margins {
 /** A verdict.
  * @since 0.1 */
 typedef struct ulna_passivity_info {
-  int64_t struct_size;           /* set by the caller to sizeof(ulna_passivity_info) */
-  int32_t verdict;               /* ULNA_VERDICT_... */
-  int32_t approach;              /* ULNA_APPROACH_...: what it rests on */
-  double probability;            /* that the limb is passive, by that approach */
-  double model_probability;      /* by the model */
-  double energy_probability;     /* by the energy; NaN when the record is too short */
-  double excess;                 /* smallest eigenvalue of the symmetric part of B */
-  double excess_interval[2];     /* low, high */
-  double m_min_interval[2];      /* low, high */
-  double k_min_interval[2];      /* low, high */
-  double energy_index;           /* excess (shortage when negative) that the energy shows */
-  double energy_index_time_s;    /* when the bound is met */
-  double energy_interval[2];     /* low, high; NaN when the record is too short */
-  double beta_j;                 /* minus the largest stored energy at the start of a trial */
-  int64_t trials;                /* with a series each */
+  int64_t struct_size;        /* set by the caller to sizeof(ulna_passivity_info) */
+  int32_t verdict;            /* ULNA_VERDICT_... */
+  int32_t approach;           /* ULNA_APPROACH_...: what it rests on */
+  double probability;         /* that the limb is passive, by that approach */
+  double model_probability;   /* by the model */
+  double energy_probability;  /* by the energy; NaN when the record is too short */
+  double excess;              /* smallest eigenvalue of the symmetric part of B */
+  double excess_interval[2];  /* low, high */
+  double m_min_interval[2];   /* low, high */
+  double k_min_interval[2];   /* low, high */
+  double energy_index;        /* excess (shortage when negative) that the energy shows */
+  double energy_index_time_s; /* when the bound is met */
+  double energy_interval[2];  /* low, high; NaN when the record is too short */
+  double beta_j;              /* minus the largest stored energy at the start of a trial */
+  int64_t trials;             /* with a series each */
 } ulna_passivity_info;
 
 /** Why: what the verdict rests on. @since 0.1 */
@@ -136,9 +136,9 @@ ULNA_API ulna_status ulna_passivity_of_model(const ulna_view *m, const ulna_view
                                              ulna_passivity_margins *out_margins);
 
 /** Energy that a limb absorbed and the excess (shortage when negative) that it shows: the largest
- * delta with E(t) >= beta_j + delta D(t), D the integral of the squared velocity, from where D exceeds
- * min_share of its final value. force: by the human on the robot, rows x n; velocity: the same shape.
- * out_energy: rows values, or NULL with capacity 0.
+ * delta with E(t) >= beta_j + delta D(t), D the integral of the squared velocity, from where D
+ * exceeds min_share of its final value. force: by the human on the robot, rows x n; velocity: the
+ * same shape. out_energy: rows values, or NULL with capacity 0.
  * @thread any
  * @since 0.1 */
 ULNA_API ulna_status ulna_passivity_of_energy(const ulna_view *force, const ulna_view *velocity,

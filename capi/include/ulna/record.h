@@ -1,7 +1,8 @@
 /* Records: logs of an experiment, recorded or simulated, as channels on one clock.
  *
- * Values are SI. Sign: positions in the frame of the log; forces and torques are those of the human on
- * the robot. Rows and trials count from 0. A record never changes: what alters one returns another. */
+ * Values are SI. Sign: positions in the frame of the log; forces and torques are those of the human
+ * on the robot. Rows and trials count from 0. A record never changes: what alters one returns
+ * another. */
 #ifndef ULNA_RECORD_H
 #define ULNA_RECORD_H
 
@@ -167,8 +168,8 @@ ULNA_API ulna_status ulna_record_read_csv(const char *path, const ulna_read_opti
  * @thread any
  * @since 0.1 */
 ULNA_API ulna_status ulna_record_read_csv_memory(const char *data, int64_t size,
-                                                 const ulna_read_options *options, ulna_token *token,
-                                                 ulna_record **out_record);
+                                                 const ulna_read_options *options,
+                                                 ulna_token *token, ulna_record **out_record);
 
 /** Columns read by other means through the same mapping and checks. values: rows x columns;
  * headings: one text a column, with or without a unit, as "Fx [N]".
@@ -248,15 +249,16 @@ ULNA_API ulna_status ulna_record_time(const ulna_record *record, const double **
 ULNA_API ulna_status ulna_record_with_role(const ulna_record *record, int32_t role, int64_t *out,
                                            int64_t capacity, int64_t *out_count);
 
-/** Channels that a word stands for: an exact name; "F" for F_x and F_y; "x" for x and y, "x_ref" for
- * x_ref and y_ref; "position", "force", "reference" for the role. capacity 0 asks for the count.
+/** Channels that a word stands for: an exact name; "F" for F_x and F_y; "x" for x and y, "x_ref"
+ * for x_ref and y_ref; "position", "force", "reference" for the role. capacity 0 asks for the
+ * count.
  * @thread shared record
  * @since 0.1 */
 ULNA_API ulna_status ulna_record_resolve(const ulna_record *record, const char *word, int64_t *out,
                                          int64_t capacity, int64_t *out_count);
 
-/** The same rows with a trial for every piece of at least min_rows (0: 100) between gaps longer than
- * gap_steps (0: 1.5) steps and missing values.
+/** The same rows with a trial for every piece of at least min_rows (0: 100) between gaps longer
+ * than gap_steps (0: 1.5) steps and missing values.
  * @thread shared record
  * @since 0.1 */
 ULNA_API ulna_status ulna_record_split(const ulna_record *record, double gap_steps,

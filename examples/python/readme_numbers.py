@@ -1,0 +1,143 @@
+"""Measure what the README says of accuracy and speed, and print it as a table.
+
+    python examples/python/readme_numbers.py [--write]
+
+`--write` replaces the table in README.md. Needs NumPy and SciPy; takes about a minute.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import time
+import warnings
+from pathlib import Path
+
+# The peer runs on one core, as the library does here.
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[_name] = "1"
+
+import numpy as np  # noqa: E402
+
+ROOT = Path(__file__).resolve().parents[2]
+for _folder in ("examples/python", "tests/bench"):
+    sys.path.insert(0, str(ROOT / _folder))
+
+import peer_impedance  # noqa: E402
+import relaxed_arm  # noqa: E402
+
+import ulna  # noqa: E402
+
+BEGIN, END = "<!-- numbers: examples/python/readme_numbers.py -->", "<!-- end of numbers -->"
+ARM = relaxed_arm.P1
+TRUTH = {"M": ARM.m_kg, "B": ARM.b_ns_m, "K": ARM.k_n_m, "x0": ARM.x0_m}
+FILTERS = {"lowpass_hz": 5.0, "window": 101, "order": 6}
+
+
+def record(run: relaxed_arm.Recordings, i: int = 0) -> ulna.Record:
+    """One simulated recording."""
+    channels = {}
+    for axis, letter in enumerate("xy"):
+        channels[letter] = run.position_m[i, :, axis]
+        channels["F_" + letter] = run.force_n[i, :, axis]
+        channels[letter + "_ref"] = run.reference_m[i, :, axis]
+    return ulna.Record.from_arrays(run.time_s, channels)
+
+
+def best(function, rounds: int) -> float:
+    """Shortest time of several, in seconds: what other programs on the machine add is left out."""
+    times = []
+    for _ in range(rounds):
+        start = time.perf_counter()
+        function()
+        times.append(time.perf_counter() - start)
+    return min(times)
+
+
+def accuracy() -> list[tuple[str, str]]:
+    """Errors against a known truth."""
+    still = relaxed_arm.simulate(seed=1, tremor_n=0.0, sensors=False)
+    exact = ulna.identify_impedance(record(still))
+    error = max(
+        np.abs(getattr(exact, name) - true).max() / np.abs(true).max()
+        for name, true in TRUTH.items()
+    )
+    bundled = ulna.identify_impedance(ulna.read(ROOT / "examples" / "data" / "relaxed-arm.csv"))
+    truth = json.loads((ROOT / "examples" / "data" / "relaxed-arm-truth.json").read_text())
+
+    def held(estimate):
+        inside = 0
+        for name in ("M", "B", "K"):
+            low, high = estimate.interval(name)
+            inside += int(((low <= truth[name]) & (truth[name] <= high)).sum())
+        return inside
+
+    inside = []
+    for batch in range(4):
+        run = relaxed_arm.simulate(seed=1000 + batch, repetitions=50)
+        for i in range(50):
+            estimate = ulna.identify_impedance(record(run, i))
+            for name, true in TRUTH.items():
+                low, high = estimate.interval(name)
+                inside.append(((low <= true) & (true <= high)).ravel())
+    share = 100 * np.concatenate(inside).mean()
+    return [
+        ("a recording without noise, largest relative error", f"{error:.0e}"),
+        ("bundled recording, true parameters in their 95 % intervals", f"{held(bundled)} of 12"),
+        ("the same by least squares, which is flagged", f"{held(bundled.least_squares)} of 12"),
+        ("200 simulated recordings, 95 % intervals that hold the truth", f"{share:.1f} %"),
+    ]
+
+
+def speed() -> list[tuple[str, str]]:
+    """Times on one thread, and of a script with NumPy and SciPy."""
+    run = relaxed_arm.simulate(seed=1)
+    arrays = run.time_s, run.position_m[0], run.force_n[0], run.reference_m[0]
+    log = record(run)
+    ours = best(lambda: ulna.identify_impedance(record(run), threads=1, **FILTERS), 15)
+    theirs = best(lambda: peer_impedance.identify(*arrays, **FILTERS), 3)
+    boot = best(
+        lambda: ulna.identify_impedance(
+            log, errors="bootstrap", bootstrap=1000, threads=1, **FILTERS
+        ),
+        3,
+    )
+    return [
+        ("50 s, 1 kHz, 2 axes: arrays to estimate with errors", f"{1e3 * ours:.0f} ms"),
+        (
+            "the same steps in a NumPy and SciPy script",
+            f"{1e3 * theirs:.0f} ms, {theirs / ours:.0f} times as long",
+        ),
+        ("the estimate with 1000 bootstrap refits", f"{boot:.2f} s"),
+    ]
+
+
+def table() -> str:
+    """Both as Markdown."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ulna.UncertainResult)
+        rows = accuracy() + speed()
+    lines = ["| | |", "|---|---|", *(f"| {what} | {value} |" for what, value in rows), ""]
+    lines.append(f"Times: one thread of a machine with {os.cpu_count()} cores, best of several.")
+    return "\n".join(lines)
+
+
+def main() -> int:
+    """Print the table, and with --write put it into the README."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--write", action="store_true", help="replace the table in README.md")
+    options = parser.parse_args()
+    text = table()
+    print(text)
+    if options.write:
+        readme = ROOT / "README.md"
+        before, rest = readme.read_text(encoding="utf-8").split(BEGIN, 1)
+        after = rest.split(END, 1)[1]
+        readme.write_text(f"{before}{BEGIN}\n{text}\n{END}{after}", encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
