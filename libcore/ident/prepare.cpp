@@ -97,41 +97,65 @@ struct Plan {
   ZeroPhase zero_phase;
 };
 
-Matrix collect(const Record& record, const Trial& trial, const std::vector<Index>& channels) {
-  Matrix columns(trial.end - trial.begin, static_cast<Index>(channels.size()));
-  for (std::size_t k = 0; k < channels.size(); ++k) {
-    columns.col(static_cast<Index>(k)) =
-        record.column(channels[k]).segment(trial.begin, trial.end - trial.begin);
+// Numbers filtered at a time: a long recording passes in pieces, so that the filter's buffers stay
+// small and a cancelled call stops soon.
+constexpr Index kPieceSize = Index{1} << 21;
+// Neighbours of a piece are filtered with it until the low pass has forgotten where they began.
+constexpr double kForgotten = 1e-15;
+
+// Smoothed signals at rows [first, first + out.rows()) of those with a full window; columns as in
+// PreparedTrial.
+void smooth(const Record& record, const Trial& trial, const Roles& roles, const Plan& plan,
+            Index first, Eigen::Ref<Matrix> out) {
+  const Index rows = out.rows();
+  const auto raw = [&](Index channel) {
+    return record.column(channel).segment(trial.begin + first, rows + plan.spec.window - 1);
+  };
+  Matrix three(rows, 3);
+  const auto differentiate = [&](const std::vector<Index>& channels, Index at) {
+    const Index count = static_cast<Index>(channels.size());
+    for (Index k = 0; k < count; ++k) {
+      savgol_correlate(plan.kernels, raw(channels[static_cast<std::size_t>(k)]), three);
+      for (Index d = 0; d < 3; ++d) out.col(at + d * count + k) = three.col(d);
+    }
+  };
+  const Index n = static_cast<Index>(roles.position.size());
+  differentiate(roles.position, 0);
+  const Matrix value_kernel = plan.kernels.leftCols(1);
+  for (Index k = 0; k < n; ++k) {
+    savgol_correlate(value_kernel, raw(roles.force[static_cast<std::size_t>(k)]),
+                     out.middleCols(3 * n + k, 1));
   }
-  return columns;
+  differentiate(roles.reference, 4 * n);
 }
 
 PreparedTrial prepare_trial(const Record& record, const Trial& trial, const Roles& roles,
-                            const Plan& plan) {
+                            const Plan& plan, const Token* token) {
   const Index half = savgol_edge_rows(plan.spec);
   const Index rows = trial.end - trial.begin - 2 * half;
   const Index n = static_cast<Index>(roles.position.size());
   const Index m = static_cast<Index>(roles.reference.size());
-  const Matrix motion = collect(record, trial, roles.position);
-  const Matrix force = collect(record, trial, roles.force);
-  const Matrix reference = collect(record, trial, roles.reference);
-
   Matrix table(rows, 4 * n + 3 * m);
-  Matrix three(rows, 3);
-  const auto differentiate = [&](const Matrix& signals, Index first) {
-    const Index count = signals.cols();
-    for (Index k = 0; k < count; ++k) {
-      savgol_correlate(plan.kernels, signals.col(k), three);
-      for (Index d = 0; d < 3; ++d) table.col(first + d * count + k) = three.col(d);
+  const Index piece = kPieceSize / table.cols();
+  const Index margin = plan.lowpass ? settle_samples(plan.sos, kForgotten) : 0;
+  if (rows <= piece + 2 * margin) {
+    smooth(record, trial, roles, plan, 0, table);
+    if (plan.lowpass) filter_zero_phase(plan.sos, plan.zero_phase, table);
+  } else {
+    Matrix wide;
+    for (Index begin = 0; begin < rows; begin += piece) {
+      if (token != nullptr && token->cancelled()) {
+        throw Error(Fault::kCancelled, "token", "the call was cancelled");
+      }
+      const Index end = std::min(rows, begin + piece);
+      const Index first = std::max<Index>(0, begin - margin);
+      const Index last = std::min(rows, end + margin);
+      wide.resize(last - first, table.cols());
+      smooth(record, trial, roles, plan, first, wide);
+      if (plan.lowpass) filter_zero_phase(plan.sos, plan.zero_phase, wide);
+      table.middleRows(begin, end - begin) = wide.middleRows(begin - first, end - begin);
     }
-  };
-  differentiate(motion, 0);
-  const Matrix value_kernel = plan.kernels.leftCols(1);
-  for (Index k = 0; k < n; ++k) {
-    savgol_correlate(value_kernel, force.col(k), table.middleCols(3 * n + k, 1));
   }
-  differentiate(reference, 4 * n);
-  if (plan.lowpass) filter_zero_phase(plan.sos, plan.zero_phase, table);
   return {trial.begin + half, n, m, std::move(table)};
 }
 
@@ -305,7 +329,7 @@ Prepared prepare(const Record& record, const Roles& roles, const PrepareOptions&
       static_cast<std::ptrdiff_t>(out.trials.size()), threads,
       [&](std::ptrdiff_t i) {
         const auto k = static_cast<std::size_t>(i);
-        out.trials[k] = prepare_trial(record, record.trials()[k], roles, plan);
+        out.trials[k] = prepare_trial(record, record.trials()[k], roles, plan, token);
       },
       token);
   return out;
