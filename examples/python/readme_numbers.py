@@ -2,12 +2,15 @@
 
     python examples/python/readme_numbers.py [--write]
 
-`--write` replaces the table in README.md. Needs NumPy and SciPy; takes about a minute.
+`--write` replaces the table in README.md and the output of the demonstration there. Needs NumPy and
+SciPy; takes about a minute.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import io
 import json
 import os
 import sys
@@ -29,8 +32,8 @@ import peer_impedance  # noqa: E402
 import relaxed_arm  # noqa: E402
 
 import ulna  # noqa: E402
+from ulna.cli import main as ulna_command  # noqa: E402
 
-BEGIN, END = "<!-- numbers: examples/python/readme_numbers.py -->", "<!-- end of numbers -->"
 ARM = relaxed_arm.P1
 TRUTH = {"M": ARM.m_kg, "B": ARM.b_ns_m, "K": ARM.k_n_m, "x0": ARM.x0_m}
 FILTERS = {"lowpass_hz": 5.0, "window": 101, "order": 6}
@@ -96,7 +99,7 @@ def speed() -> list[tuple[str, str]]:
     run = relaxed_arm.simulate(seed=1)
     arrays = run.time_s, run.position_m[0], run.force_n[0], run.reference_m[0]
     log = record(run)
-    ours = best(lambda: ulna.identify_impedance(record(run), threads=1, **FILTERS), 15)
+    ours = best(lambda: ulna.identify_impedance(record(run), threads=1, **FILTERS), 60)
     theirs = best(lambda: peer_impedance.identify(*arrays, **FILTERS), 3)
     boot = best(
         lambda: ulna.identify_impedance(
@@ -124,18 +127,36 @@ def table() -> str:
     return "\n".join(lines)
 
 
+def excerpt() -> str:
+    """What `make demo` prints, without the details."""
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out):
+        ulna_command(["assess", str(ROOT / "examples" / "data" / "relaxed-arm.csv")])
+    lines = out.getvalue().splitlines()
+    first = next(i for i, line in enumerate(lines) if line.startswith("Data"))
+    last = next(i for i, line in enumerate(lines) if line.startswith("Passivity"))
+    shown = [*lines[:first], "...", *lines[last : last + 4], "...", "report: out/demo/report.html"]
+    return "\n".join(["```text", *(line.rstrip() for line in shown), "```"])
+
+
+def put(readme: str, name: str, text: str) -> str:
+    """The README with what stands between two marks replaced."""
+    begin, end = f"<!-- {name}: examples/python/readme_numbers.py -->", f"<!-- end of {name} -->"
+    before, rest = readme.split(begin, 1)
+    return f"{before}{begin}\n{text}\n{end}{rest.split(end, 1)[1]}"
+
+
 def main() -> int:
     """Print the table, and with --write put it into the README."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--write", action="store_true", help="replace the table in README.md")
+    parser.add_argument("--write", action="store_true", help="replace what README.md shows")
     options = parser.parse_args()
     text = table()
     print(text)
     if options.write:
-        readme = ROOT / "README.md"
-        before, rest = readme.read_text(encoding="utf-8").split(BEGIN, 1)
-        after = rest.split(END, 1)[1]
-        readme.write_text(f"{before}{BEGIN}\n{text}\n{END}{after}", encoding="utf-8")
+        path = ROOT / "README.md"
+        readme = put(path.read_text(encoding="utf-8"), "numbers", text)
+        path.write_text(put(readme, "output", excerpt()), encoding="utf-8")
     return 0
 
 

@@ -695,6 +695,10 @@ def test_millimetres_read_as_metres_raise_a_suspicion():
     log = record(t, 1e3 * x, force_of(some_arm(2), x, v, a))
     said = [f for f in log.findings if f.code == "unit" and f.severity == "warning"]
     assert len(said) == 2 and all("mm" in f.message for f in said)
+    # The estimate passes it on, since few look at the findings of a record.
+    with pytest.warns(ulna.UncertainResult, match="is it in mm"):
+        estimate = ulna.identify_impedance(log)
+    assert estimate.outcome == "suspect_data"
 
 
 def test_degrees_read_as_radians_raise_a_suspicion():
