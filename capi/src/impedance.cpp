@@ -109,6 +109,10 @@ Matrix values_of(const ImpedanceEstimate& estimate, const ImpedanceFit& fit, int
   }
 }
 
+Vector times_of(const ImpedanceEstimate& estimate, const PreparedTrial& trial) {
+  return Eigen::Map<const Vector>(estimate.record->time().data() + trial.begin(), trial.rows());
+}
+
 Vector use_of(const ImpedanceEstimate& estimate, int trial) {
   Vector use = Vector::Zero(estimate.prepared->trials[static_cast<std::size_t>(trial)].rows());
   const auto mark = [&](const std::vector<Span>& spans, double value) {
@@ -126,7 +130,7 @@ Matrix signal_of(const ImpedanceEstimate& estimate, const ImpedanceFit& fit, int
   const PreparedTrial& data = estimate.prepared->trials[static_cast<std::size_t>(trial)];
   switch (signal) {
     case ULNA_SIGNAL_TIME:
-      return estimate.times[static_cast<std::size_t>(trial)];
+      return times_of(estimate, data);
     case ULNA_SIGNAL_POSITION:
       return data.position();
     case ULNA_SIGNAL_VELOCITY:

@@ -407,10 +407,7 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
       std::make_shared<Prepared>(prepare(record, roles, options.prepare, options.threads, token));
   out.prepared = prepared;
   out.report = prepared->report;
-  for (const PreparedTrial& trial : prepared->trials) {
-    out.times.push_back(
-        Eigen::Map<const Vector>(record.time().data() + trial.begin(), trial.rows()));
-  }
+  out.record = std::make_shared<Record>(record);
   const double rate = record.rate_hz();
   const Split split = split_rows(record, *prepared, options.train_s);
   out.train = split.train;

@@ -108,8 +108,8 @@ struct ImpedanceEstimate {
   std::vector<std::string> notes;
   std::vector<std::string> provenance;
   std::vector<Span> train, held_out;
-  std::vector<Vector> times;  // of the prepared rows, s, one vector a trial
   std::shared_ptr<const Prepared> prepared;
+  std::shared_ptr<const Record> record;
 };
 
 // `findings` (of record/look.hpp): those above a note that concern the clock or a channel in use

@@ -16,21 +16,31 @@ constexpr Index kPointsPerBlock = 32;
 
 }  // namespace
 
-EnergySeries absorbed_energy(MatrixRef force, MatrixRef velocity, double rate_hz) {
+EnergySeries absorbed_energy(MatrixRef force, MatrixRef velocity, double rate_hz, Index stride) {
   require(force.rows() == velocity.rows() && force.cols() == velocity.cols(), "velocity",
           "force and velocity must have the same shape");
   require(rate_hz > 0.0, "rate_hz", "the sampling rate must be positive");
   const Index rows = force.rows();
-  EnergySeries out;
-  out.time_s =
-      Vector::LinSpaced(rows, 0.0, static_cast<double>(std::max<Index>(rows - 1, 0)) / rate_hz);
-  out.energy_j = Vector::Zero(rows);
-  out.dissipation = Vector::Zero(rows);
-  const Vector power = -(force.cwiseProduct(velocity)).rowwise().sum();
-  const Vector speed = velocity.rowwise().squaredNorm();
-  for (Index i = 1; i < rows; ++i) {
-    out.energy_j[i] = out.energy_j[i - 1] + 0.5 * (power[i] + power[i - 1]) / rate_hz;
-    out.dissipation[i] = out.dissipation[i - 1] + 0.5 * (speed[i] + speed[i - 1]) / rate_hz;
+  const Index kept = rows == 0 ? 0 : (rows - 1 + stride - 1) / stride + 1;
+  EnergySeries out{Vector(kept), Vector(kept), Vector(kept)};
+  double energy = 0.0;
+  double motion = 0.0;
+  double last_power = 0.0;
+  double last_speed = 0.0;
+  for (Index i = 0, k = 0; i < rows; ++i) {
+    const double power = -force.row(i).dot(velocity.row(i));
+    const double speed = velocity.row(i).squaredNorm();
+    if (i > 0) {
+      energy += 0.5 * (power + last_power) / rate_hz;
+      motion += 0.5 * (speed + last_speed) / rate_hz;
+    }
+    last_power = power;
+    last_speed = speed;
+    if (i % stride != 0 && i != rows - 1) continue;
+    out.time_s[k] = static_cast<double>(i) / rate_hz;
+    out.energy_j[k] = energy;
+    out.dissipation[k] = motion;
+    ++k;
   }
   return out;
 }

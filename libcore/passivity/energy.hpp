@@ -15,8 +15,9 @@ struct EnergySeries {
   Vector dissipation;  // D(t) = integral of x' . x' dt
 };
 
-// force: by the human on the robot; velocity of the hand; rows x n, one trial at rate_hz.
-EnergySeries absorbed_energy(MatrixRef force, MatrixRef velocity, double rate_hz);
+// force: by the human on the robot; velocity of the hand; rows x n, one trial at rate_hz. Every row
+// is integrated; the series keeps every stride-th and the last.
+EnergySeries absorbed_energy(MatrixRef force, MatrixRef velocity, double rate_hz, Index stride = 1);
 
 // Largest delta with E(t) >= beta + delta D(t) wherever D(t) is at least min_share of its final
 // value: positive an excess (EOP), negative a shortage (SOP). beta <= 0 is minus the energy stored

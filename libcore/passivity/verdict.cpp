@@ -143,9 +143,13 @@ Verdict assess_passivity(const ImpedanceEstimate& estimate, const VerdictOptions
   interval(draws.m_min, options.level, out.m_min_interval);
   interval(draws.k_min, options.level, out.k_min_interval);
 
+  // Energy has twice the band of the signals; ten points for each of its periods show all of it.
+  const PrepareReport& filters = estimate.report;
+  const Index stride = std::max<Index>(
+      1, static_cast<Index>(filters.rate_hz / (20.0 * filters.effective_cutoff_hz)));
   std::vector<double> beta;
   for (const PreparedTrial& trial : estimate.prepared->trials) {
-    out.series.push_back(absorbed_energy(trial.force(), trial.velocity(), estimate.report.rate_hz));
+    out.series.push_back(absorbed_energy(trial.force(), trial.velocity(), filters.rate_hz, stride));
     beta.push_back(-stored_energy(estimate, trial));
   }
   out.beta_j = *std::min_element(beta.begin(), beta.end());

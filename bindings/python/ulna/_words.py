@@ -75,9 +75,12 @@ def _band(low: float, high: float, digits: str = ".1f") -> str:
 
 
 def _fact(name: str, text: str) -> str:
-    return textwrap.fill(
-        text, _WIDTH, initial_indent=f"{name:<23}", subsequent_indent=" " * 23, break_long_words=False
+    # A number stays with its percent sign.
+    whole = text.replace(" %", "\u00a0%")
+    lines = textwrap.fill(
+        whole, _WIDTH, initial_indent=f"{name:<23}", subsequent_indent=" " * 23, break_long_words=False
     )
+    return lines.replace("\u00a0", " ")
 
 
 def _per_axis(estimate: ImpedanceEstimate, entries: list[str]) -> str:
