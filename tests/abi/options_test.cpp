@@ -6,6 +6,8 @@
 #include <cstring>
 #include <string>
 
+#include "round_trip.h"
+
 namespace {
 
 constexpr char kTable[] = "t,x,F\n0,1,2\n0.1,2,3\n0.2,3,5\n0.3,5,7\n";
@@ -68,6 +70,20 @@ void check_rule(ulna_status (*call)(const Options*)) {
 TEST(Options, OfReadingGrowAtTheirEnd) { check_rule<ulna_read_options>(read_table); }
 
 TEST(Options, OfPassivityGrowAtTheirEnd) { check_rule<ulna_passivity_options>(margins_of_unit); }
+
+TEST(Options, OfIdentificationGrowAtTheirEnd) {
+  check_rule<ulna_impedance_options>(ulna_identify_with);
+}
+
+// Options within options follow the same rule.
+TEST(Options, OfPreparationGrowAtTheirEnd) {
+  check_rule<ulna_prepare_options>([](const ulna_prepare_options* prepare) {
+    ulna_impedance_options options = {};
+    options.struct_size = sizeof options;
+    options.prepare = prepare;
+    return ulna_identify_with(&options);
+  });
+}
 
 TEST(Results, AreAsLargeAsTheCallersBuildKnows) {
   const double one = 1.0;
