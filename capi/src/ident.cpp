@@ -2,6 +2,7 @@
 
 #include "guard.hpp"
 #include "handles.hpp"
+#include "ident/consistency.hpp"
 #include "ident/prepared_record.hpp"
 #include "record/look.hpp"
 
@@ -28,7 +29,8 @@ PrepareRequest prepare_request(const ulna_prepare_options* given) {
   return out;
 }
 
-ulna_prepare_report prepare_report(const PrepareReport& report) {
+ulna_prepare_report prepare_report(const Prepared& prepared) {
+  const PrepareReport& report = prepared.report;
   ulna_prepare_report out = {};
   out.rate_hz = report.rate_hz;
   out.lowpass_hz = report.lowpass_hz;
@@ -42,6 +44,9 @@ ulna_prepare_report prepare_report(const PrepareReport& report) {
   out.lowpass_order = report.lowpass_order;
   out.lowpass_chosen = report.lowpass_chosen ? 1 : 0;
   out.short_trials = report.short_trials ? 1 : 0;
+  const DerivativeConsistency consistency = derivative_consistency(prepared);
+  out.velocity_consistency = consistency.velocity;
+  out.position_consistency = consistency.position;
   return out;
 }
 
@@ -64,8 +69,7 @@ ulna_status ulna_prepare(const ulna_record* record, const ulna_prepare_options* 
     auto findings = look(result);
     auto handle = std::make_unique<ulna_record>(
         ulna_record{std::move(result), std::move(findings), {}, false});
-    if (out_report != nullptr)
-      write_result(out_report, prepare_report(prepared.report), "out_report");
+    if (out_report != nullptr) write_result(out_report, prepare_report(prepared), "out_report");
     out = handle.release();
   });
 }

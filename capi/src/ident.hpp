@@ -16,6 +16,6 @@ struct PrepareRequest {
 };
 
 PrepareRequest prepare_request(const ulna_prepare_options* options);
-ulna_prepare_report prepare_report(const PrepareReport& report);
+ulna_prepare_report prepare_report(const Prepared& prepared);
 
 }  // namespace ulna::capi

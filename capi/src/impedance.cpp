@@ -228,7 +228,7 @@ ulna_status ulna_impedance_get_info(const ulna_impedance* impedance,
 ulna_status ulna_impedance_get_preparation(const ulna_impedance* impedance,
                                            ulna_prepare_report* out_report) {
   return guarded([&] {
-    write_result(out_report, prepare_report(deref(impedance, "impedance").estimate.report),
+    write_result(out_report, prepare_report(*deref(impedance, "impedance").estimate.prepared),
                  "out_report");
   });
 }

@@ -190,22 +190,14 @@ class MovingGram {
   Index buffered_ = 0;
 };
 
-}  // namespace
-
-Matrix newey_west(const Design& design, const std::vector<Span>& spans,
-                  const std::vector<const Fit*>& fits, Index lag, Index stride, Token* token) {
+// Gram matrix of the moving sums of the scores of spans that belong to one trial.
+Matrix score_gram(const Design& design, const std::vector<Span>& spans,
+                  const std::vector<const Fit*>& fits, Index window, Index stride, Token* token) {
   const Index p = design.regressors();
   const Index n = design.axes();
   const Index q = design.instruments();
   const Index each = p * n;
   const Index width = each * static_cast<Index>(fits.size());
-  stride = std::clamp<Index>(stride, 1, std::min(kBlock, lag + 1));
-
-  // Bartlett weights are the autocorrelation of a box: the weighted sum over all lags equals the
-  // Gram matrix of the scores' moving sums over lag + 1 rows, over lag + 1. That costs rows x
-  // width^2 instead of rows x lag x width^2. With a stride, scores are summed over so many rows
-  // first.
-  const Index window = std::max<Index>(1, (lag + 1 + stride / 2) / stride);
   MovingGram sums(width, window);
   const Index rows_at_once = kBlock / stride * stride;
   Matrix block(kBlock, design.columns());
@@ -216,7 +208,7 @@ Matrix newey_west(const Design& design, const std::vector<Span>& spans,
   Index done = 0;
   const Span* previous = nullptr;
   for (const Span& span : spans) {
-    if (previous != nullptr && (previous->trial != span.trial || previous->end != span.begin)) {
+    if (previous != nullptr && previous->end != span.begin) {
       sums.finish_run();
     }
     previous = &span;
@@ -250,7 +242,37 @@ Matrix newey_west(const Design& design, const std::vector<Span>& spans,
     }
   }
   sums.finish_run();
-  const Matrix meat = sums.gram() / static_cast<double>(window);
+  return sums.gram();
+}
+
+}  // namespace
+
+Matrix newey_west(const Design& design, const std::vector<Span>& spans,
+                  const std::vector<const Fit*>& fits, Index lag, Index stride, Token* token,
+                  int threads) {
+  const Index each = design.regressors() * design.axes();
+  const Index width = each * static_cast<Index>(fits.size());
+  // A lag beyond the data says the same as one that covers all of them.
+  lag = std::clamp<Index>(lag, 0, std::max<Index>(1, row_count(spans)));
+  stride = std::clamp<Index>(stride, 1, std::min(kBlock, lag + 1));
+
+  // Bartlett weights are the autocorrelation of a box: the weighted sum over all lags equals the
+  // Gram matrix of the scores' moving sums over lag + 1 rows, over lag + 1. That costs rows x
+  // width^2 instead of rows x lag x width^2. With a stride, scores are summed over so many rows
+  // first.
+  const Index window = std::max<Index>(1, (lag + 1 + stride / 2) / stride);
+  std::vector<std::vector<Span>> trials;
+  for (const Span& span : spans) {
+    if (trials.empty() || trials.back().back().trial != span.trial) trials.emplace_back();
+    trials.back().push_back(span);
+  }
+  std::vector<Matrix> grams(trials.size());
+  parallel_for(static_cast<std::ptrdiff_t>(trials.size()), threads, [&](std::ptrdiff_t i) {
+    const auto t = static_cast<std::size_t>(i);
+    grams[t] = score_gram(design, trials[t], fits, window, stride, token);
+  });
+  Matrix meat = Matrix::Zero(width, width);
+  for (const Matrix& gram : grams) meat += gram / static_cast<double>(window);
 
   // Parameters move by T information^-1 T' times the scores.
   Matrix bread = Matrix::Zero(width, width);

@@ -50,7 +50,7 @@ Fit solve(const Factor& factor, const Matrix& transform, Estimator estimator);
 // signals hold nothing near rate / (2 stride).
 Matrix newey_west(const Design& design, const std::vector<Span>& spans,
                   const std::vector<const Fit*>& fits, Index lag, Index stride = 1,
-                  Token* token = nullptr);
+                  Token* token = nullptr, int threads = 1);
 
 // Parameters refitted to `count` resamples of blocks drawn with replacement; rows: replicates,
 // columns: vec(theta). Block b of replicate i is a function of (seed, i, b) alone.

@@ -20,6 +20,7 @@ constexpr double kLargestLowpassHz = 60.0;  // the fastest single-joint perturba
 // The published pair, 101 samples and 5 Hz at 1 kHz, kept in proportion at other cut-offs.
 constexpr double kWindowTimesLowpass = 0.505;
 constexpr int kDefaultOrder = 6;
+constexpr Index kLeastRows = 16;  // of a trial: the smallest window twice
 constexpr int kDefaultLowpassOrder = 5;
 // The filters take rows as equidistant; a step that strays by less than this changes nothing
 // visible.
@@ -190,11 +191,15 @@ int odd_at_least(double wanted, int least) {
 
 Roles find_roles(const Record& record, const std::string& position, const std::string& force,
                  const std::string& reference) {
-  const auto pick = [&](const std::string& word, Role role) {
-    return word.empty() ? record.with_role(role) : record.resolve(word);
+  const auto pick = [&](const std::string& word, Role role, const char* argument) {
+    try {
+      return word.empty() ? record.with_role(role) : record.resolve(word);
+    } catch (const Error& error) {
+      throw Error(error.fault(), argument, error.what(), error.detail());
+    }
   };
-  Roles roles{pick(position, Role::kPosition), pick(force, Role::kForce),
-              pick(reference, Role::kReference)};
+  Roles roles{pick(position, Role::kPosition, "position"), pick(force, Role::kForce, "force"),
+              pick(reference, Role::kReference, "reference")};
   std::string names;
   for (const Channel& channel : record.channels()) {
     names += (names.empty() ? "" : ", ") + channel.name;
@@ -251,6 +256,18 @@ double motion_band(const Record& record, const std::vector<Index>& channels, dou
 
 Prepared prepare(const Record& record, const Roles& roles, const PrepareOptions& options,
                  int threads, Token* token) {
+  require(options.window >= 0, "window", "the window must not be negative");
+  require(options.order >= 0, "order", "the polynomial order must not be negative");
+  require(options.lowpass_order >= 0 && options.lowpass_order <= 20, "lowpass_order",
+          "the order of the low pass must be from 1 to 20");
+  for (const Trial& trial : record.trials()) {
+    if (trial.end - trial.begin >= kLeastRows) continue;
+    throw Error(Fault::kData, "time",
+                "the trial that starts at row " + std::to_string(trial.begin) + " has only " +
+                    std::to_string(trial.end - trial.begin) +
+                    " samples, too few to smooth and differentiate",
+                "row " + std::to_string(trial.begin));
+  }
   require_uniform(record);
   for (const auto* channels : {&roles.position, &roles.force, &roles.reference}) {
     require_complete(record, *channels);

@@ -172,7 +172,7 @@ void set_parameters(ImpedanceFit& fit, const Matrix& theta, const Vector& positi
 
 // VAF per axis (3.10), and its interval by resampling blocks of one second.
 void validate(const Design& design, const std::vector<Span>& spans, const Matrix& theta,
-              double rate, std::uint64_t seed, Vector& vaf, Matrix* interval) {
+              double rate, std::uint64_t seed, int threads, Vector& vaf, Matrix* interval) {
   const Index n = design.axes();
   const Index q = design.instruments();
   const Index p = design.regressors();
@@ -183,15 +183,15 @@ void validate(const Design& design, const std::vector<Span>& spans, const Matrix
   const std::vector<Span> blocks = cut(spans, static_cast<Index>(rate));
   // Per block: rows, then per axis the sums of e, e^2, f, f^2.
   Matrix sums(static_cast<Index>(blocks.size()), 1 + 4 * n);
-  Matrix rows;
-  for (std::size_t b = 0; b < blocks.size(); ++b) {
+  parallel_for(sums.rows(), threads, [&](std::ptrdiff_t index) {
+    const auto b = static_cast<std::size_t>(index);
     const Index count = blocks[b].end - blocks[b].begin;
-    rows.resize(count, design.columns());
+    Matrix rows(count, design.columns());
     design.fill(blocks[b].trial, blocks[b].begin, count, rows);
     const Matrix error = rows.rightCols(n) - rows.middleCols(q, p) * theta;
     // The variance is that of the force as measured, payload included.
     const Matrix force = rows.rightCols(n) + design.payload_kg() * rows.middleCols(q, n);
-    auto row = sums.row(static_cast<Index>(b));
+    auto row = sums.row(index);
     row[0] = static_cast<double>(count);
     for (Index i = 0; i < n; ++i) {
       row[1 + 4 * i] = error.col(i).sum();
@@ -199,7 +199,7 @@ void validate(const Design& design, const std::vector<Span>& spans, const Matrix
       row[3 + 4 * i] = force.col(i).sum();
       row[4 + 4 * i] = force.col(i).squaredNorm();
     }
-  }
+  });
   const auto vaf_of = [&](const Eigen::RowVectorXd& total, Index i) {
     const auto variance = [&](Index first) {
       return total[first + 1] - total[first] * total[first] / total[0];
@@ -380,7 +380,18 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
                                      Token* token, const std::vector<Finding>& findings) {
   require(options.payload_kg >= 0.0 && std::isfinite(options.payload_kg), "payload_kg",
           "the payload must be a mass of at least 0 kg");
-  require(options.hac_lag_s > 0.0, "lag_s", "the lag of the standard errors must be positive");
+  const auto positive = [](double value, const char* argument, const char* what) {
+    require(std::isfinite(value) && value > 0.0, argument,
+            std::string(what) + " must be a positive number");
+  };
+  positive(options.hac_lag_s, "lag_s", "the lag of the standard errors");
+  positive(options.block_s, "block_s", "the length of a bootstrap block");
+  positive(options.condition_limit, "condition_limit", "the limit of the condition number");
+  require(options.poor_vaf >= 0.0 && options.poor_vaf <= 100.0, "poor_vaf",
+          "poor_vaf is a percentage, from 0 to 100");
+  require(options.threads >= 0, "threads", "the number of threads must not be negative");
+  require(options.bootstrap <= 10'000'000 && options.draws <= 10'000'000, "draws",
+          "more than ten million draws or resamples are refused");
   require(options.train_s >= 0.0 && std::isfinite(options.train_s), "train_s",
           "the time to identify from must be positive");
   require(options.draws >= 100, "draws", "at least 100 draws are needed for intervals");
@@ -485,7 +496,8 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
   // Covariance of all estimators together: their difference is tested below.
   std::vector<const Fit*> fits;
   for (const Solved& s : solved) fits.push_back(&s.fit);
-  const Index hac_lag = static_cast<Index>(std::lround(options.hac_lag_s * rate));
+  const Index hac_lag = static_cast<Index>(
+      std::min(std::round(options.hac_lag_s * rate), static_cast<double>(record.rows())));
   const Index each = parameters * n;
   // A record of T seconds smoothed to B Hz holds 2 B T independent values an axis, and the fit took
   // some of them.
@@ -495,7 +507,8 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
   const double shrinkage = independent > 2.0 * taken ? independent / (independent - taken) : 2.0;
   // Products of two signals reach twice the band; ten sums for each of its periods lose nothing.
   const Index stride = std::max<Index>(1, static_cast<Index>(rate / (20.0 * band)));
-  const Matrix covariance = shrinkage * newey_west(design, spans, fits, hac_lag, stride, token);
+  const Matrix covariance =
+      shrinkage * newey_west(design, spans, fits, hac_lag, stride, token, options.threads);
 
   std::vector<ImpedanceFit> results(solved.size());
   for (std::size_t e = 0; e < solved.size(); ++e) {
@@ -507,9 +520,10 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
     if (!solved[e].converged) fit.outcome |= kNotConverged;
     if (fit.condition > kIllCondition) fit.outcome |= kIllConditioned;
     set_parameters(fit, solved[e].fit.theta, position_mean);
-    validate(design, split.held_out, trained[e].fit.theta, rate, options.seed, fit.vaf,
-             &fit.vaf_interval);
-    validate(design, split.train, trained[e].fit.theta, rate, options.seed, fit.vaf_train, nullptr);
+    validate(design, split.held_out, trained[e].fit.theta, rate, options.seed, options.threads,
+             fit.vaf, &fit.vaf_interval);
+    validate(design, split.train, trained[e].fit.theta, rate, options.seed, options.threads,
+             fit.vaf_train, nullptr);
     fit.vaf_reference =
         reference_vaf(*prepared, fit.theta, fit.position_mean, options.payload_kg, band);
     const Vector& vaf = judged_vaf(fit);
@@ -519,7 +533,10 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
     }
     if (options.errors == ErrorModel::kBlockBootstrap) {
       const std::vector<Span> blocks =
-          split.segmented ? spans : cut(spans, static_cast<Index>(options.block_s * rate));
+          split.segmented
+              ? spans
+              : cut(spans, static_cast<Index>(std::min(options.block_s * rate,
+                                                       static_cast<double>(record.rows()))));
       if (blocks.size() < 5) {
         throw Error(
             Fault::kData, "errors",
@@ -546,12 +563,20 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
   }
 
   if (factors.size() > 1) {
+    std::vector<TrialFit> fits_of_trials(factors.size());
+    parallel_for(
+        static_cast<std::ptrdiff_t>(factors.size()), options.threads,
+        [&](std::ptrdiff_t i) {
+          const auto t = static_cast<std::size_t>(i);
+          if (factors[t].rows < 10 * parameters) return;
+          const Solved own = solve_structured(factors[t], options.structure, wanted[0]);
+          fits_of_trials[t] = {natural_of(own.fit.theta, position_mean), own.fit.condition};
+        },
+        token);
     Matrix table(static_cast<Index>(factors.size()), natural_size(n));
     Index used = 0;
-    for (const Factor& factor : factors) {
-      if (factor.rows < 10 * parameters) continue;
-      const Solved s = solve_structured(factor, options.structure, wanted[0]);
-      TrialFit trial{natural_of(s.fit.theta, position_mean), s.fit.condition};
+    for (TrialFit& trial : fits_of_trials) {
+      if (trial.natural.size() == 0) continue;
       table.row(used++) = trial.natural.transpose();
       out.trials.push_back(std::move(trial));
     }
@@ -633,6 +658,18 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
                  ". Active muscles, reflexes or friction may be at work; M, B and K are then no "
                  "more than the best "
                  "second-order summary."));
+  }
+  bool negative_inertia = true;
+  for (Index i = 0; i < n; ++i) {
+    const double error = std::sqrt(out.fit.covariance(i * n + i, i * n + i));
+    negative_inertia = negative_inertia && out.fit.m(i, i) < -3.0 * error;
+  }
+  if (negative_inertia) {
+    out.fit.outcome |= kSuspectData;
+    out.warnings.push_back(
+        "The inertia comes out negative, which no limb has: is the force the one by the robot on "
+        "the "
+        "human? Turn its sign in a map; here it must be the force by the human on the robot.");
   }
   if ((out.fit.outcome & kIllConditioned) != 0) {
     out.warnings.push_back(sentence(3, "The estimate is ill-conditioned (condition number ",

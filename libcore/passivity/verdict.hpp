@@ -28,6 +28,9 @@ struct Verdict {
   double probability = 0.0;              // that the arm is passive, by that approach
 
   ModelMargins model;  // of the estimate itself
+  // The antisymmetric part is below the threshold, or within its own error: it does not count.
+  bool m_dropped = true;
+  bool k_dropped = true;
   double model_probability = 0.0;
   double excess_interval[2] = {0.0, 0.0};  // of model.b_min
   double m_min_interval[2] = {0.0, 0.0};

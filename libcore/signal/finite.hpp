@@ -5,7 +5,8 @@
 
 namespace ulna {
 
-// Throws Error (kData, detail "row R, channel C", both from 0) at the first NaN or infinite value.
-void require_finite(MatrixRef values, const char* argument);
+// Throws Error (kData, detail "row R, channel C", both from 0) at the first NaN or infinite value;
+// the rows of values count from first_row.
+void require_finite(MatrixRef values, const char* argument, Index first_row = 0);
 
 }  // namespace ulna

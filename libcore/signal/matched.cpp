@@ -43,10 +43,21 @@ Matrix matched_kernels(const SavgolSpec& spec, int max_derivative, double rate_h
     const double scale = std::pow(rate_hz, d);
     Vector positive = kernels.col(d).tail(half + 1) / scale;
     const Vector wanted = sign * value_response.cwiseProduct(omega.array().pow(d).matrix());
-    Eigen::CompleteOrthogonalDecomposition<Matrix> smallest_change(kGrid, half + 1);
+    // The change leaves constants, slopes and curvatures alone: at 0 Hz a derivative of a position
+    // far from zero must not see the position. Changes of that kind are q times free weights.
+    Matrix moments(half + 1, even ? 2 : 1);
+    for (Index k = 0; k <= half; ++k) {
+      const double t = static_cast<double>(k) / static_cast<double>(half);
+      moments(k, 0) = even ? (k == 0 ? 1.0 : 2.0) : t;
+      if (even) moments(k, 1) = t * t;
+    }
+    const Matrix q =
+        Eigen::HouseholderQR<Matrix>(moments).householderQ() * Matrix::Identity(half + 1, half + 1);
+    const Matrix free = q.rightCols(half + 1 - moments.cols());
+    Eigen::CompleteOrthogonalDecomposition<Matrix> smallest_change(kGrid, free.cols());
     smallest_change.setThreshold(1e-13);
-    smallest_change.compute(basis);
-    positive += smallest_change.solve(wanted - basis * positive);
+    smallest_change.compute(basis * free);
+    positive += free * smallest_change.solve(wanted - basis * positive);
     positive *= scale;
     kernels.col(d).tail(half + 1) = positive;
     kernels.col(d).head(half) = (even ? 1.0 : -1.0) * positive.tail(half).reverse();

@@ -173,7 +173,10 @@ Spectra welch(MatrixRef signals, double rate_hz, Index segment, const std::vecto
   require(std::isfinite(rate_hz) && rate_hz > 0.0, "rate_hz", "the sampling rate must be positive");
   require(signals.cols() >= 1, "signals", "there must be at least one channel");
   const Averaging averaging = welch_averaging(signals.rows(), segment, ranges);
-  require_finite(signals, "signals");
+  for (const RowRange& range : used_ranges(signals.rows(), ranges)) {
+    require_finite(signals.middleRows(range.begin, range.end - range.begin), "signals",
+                   range.begin);
+  }
 
   Spectra result;
   result.averages = averaging.averages;

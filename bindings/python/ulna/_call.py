@@ -195,9 +195,22 @@ def options(kind: str, **fields: Any) -> Any:
         if name not in members or name == "struct_size":
             known = ", ".join(sorted(set(members) - {"struct_size", "reserved"}))
             raise TypeError(f"{kind} has no option {name!r}; it has {known}")
-        if value is not None:
+        if value is None:
+            continue
+        try:
             _set_field(struct, name, members[name], value, kept)
+        except (TypeError, OverflowError) as failure:
+            raise ArgumentError(
+                f"{name} is {value!r}; it must be {_wanted(members[name])}",
+                status="ULNA_ERROR_ARGUMENT",
+                argument=name,
+            ) from failure
     return struct
+
+
+def _wanted(kind: Any) -> str:
+    words = {"double": "a number", "int32_t": "a whole number", "int64_t": "a whole number"}
+    return words.get(kind.cname, "text" if "char" in kind.cname else f"a {kind.cname}")
 
 
 def _members(kind: str) -> dict[str, Any]:

@@ -125,6 +125,10 @@ class Preprocessing:
         (the same in all of them, so that the parameters are not affected).
     pad : int
         Samples by which either end was extended.
+    velocity_consistency, position_consistency : float
+        Acceleration integrated once against the velocity, and twice against the position, over ten
+        seconds: rms of the difference over rms of the motion (Fig. 3.6 of Dyck, 2013). Correct
+        filters leave 1e-3 and less.
     """
 
     rate_hz: float
@@ -140,6 +144,8 @@ class Preprocessing:
     transient: int
     pad: int
     short_trials: bool
+    velocity_consistency: float
+    position_consistency: float
 
     @property
     def band_hz(self) -> tuple[float, float]:
@@ -162,7 +168,8 @@ class Preprocessing:
             f"; -3 dB at {self.effective_cutoff_hz:.3g} Hz in all. The motion holds 95 % of its "
             f"velocity's power below {self.motion_band_hz:.3g} Hz. {self.flagged_start} samples are dropped "
             f"at the start and {self.flagged_end} at the end of a trial; the filter's end transient "
-            f"lasts {self.transient} samples."
+            f"lasts {self.transient} samples. The acceleration, integrated twice, gives the position "
+            f"back to {100 * self.position_consistency:.2g} %."
         )
 
 
@@ -181,6 +188,8 @@ def _preprocessing(report: Any) -> Preprocessing:
         transient=report.transient_rows,
         pad=report.pad_rows,
         short_trials=bool(report.short_trials),
+        velocity_consistency=report.velocity_consistency,
+        position_consistency=report.position_consistency,
     )
 
 
@@ -291,7 +300,7 @@ def ellipse(matrix: Any) -> Ellipse:
     '14140 4.0 107.3'
     """
     raw = result("ulna_ellipse")
-    check(lib.ulna_ellipse_of(view(np.asarray(matrix, dtype=float)), raw))
+    check(lib.ulna_ellipse_of(view(np.asarray(matrix)), raw))
     return _ellipse(raw)
 
 
@@ -443,6 +452,12 @@ class ImpedanceEstimate:
         """
         rows = self._values(lib.ULNA_IMPEDANCE_DRAWS).reshape(-1, self.cov.shape[0])
         if count is not None:
+            if count < 1:
+                raise ArgumentError(
+                    f"count is {count!r}; it must be at least 1",
+                    status="ULNA_ERROR_ARGUMENT",
+                    argument="count",
+                )
             rows = rows[np.random.default_rng(seed).integers(0, len(rows), count)]
         out = {}
         for name in ("M", "B", "K", "x0"):

@@ -298,7 +298,7 @@ def of_model(M: Any, B: Any, K: Any, *, antisymmetry_threshold: float = 0.15) ->
     ('passive', 4.924)
     """
     raw = result("ulna_passivity_margins")
-    matrices = [view(np.atleast_2d(np.asarray(matrix, dtype=float))) for matrix in (M, B, K)]
+    matrices = [view(np.atleast_2d(np.asarray(matrix))) for matrix in (M, B, K)]
     check(lib.ulna_passivity_of_model(*matrices, _options(antisymmetry_threshold), raw))
     return _margins(raw)
 

@@ -52,6 +52,9 @@ typedef struct ulna_prepare_report {
   int32_t lowpass_chosen; /* 1: from the motion, not by the caller */
   int32_t short_trials;   /* 1: a trial is shorter than the extension asked for */
   int32_t reserved;       /* zero */
+  double
+      velocity_consistency; /* integrated acceleration against velocity, relative rms; Fig. 3.6 */
+  double position_consistency; /* integrated twice against position, over 10 s; NaN: too short */
 } ulna_prepare_report;
 
 /** Prepares a record: the result holds, for every position and reference channel c, the channels c,
