@@ -206,7 +206,8 @@ TEST(Identify, OfSegmentsTheFirstHalfIdentifies) {
   const ImpedanceEstimate all = identify_impedance(record, {});
   EXPECT_TRUE(all.refitted);
   EXPECT_NE(all.fit.k, e.fit.k);
-  EXPECT_EQ(all.fit.vaf, e.fit.vaf);
+  // Positions are centred on other rows, so only to rounding.
+  EXPECT_LT((all.fit.vaf - e.fit.vaf).norm(), 1e-9);
 }
 
 TEST(Identify, TheSplitIsByTimeOtherwise) {
