@@ -41,7 +41,37 @@ int axis_of_letter(const std::string& word) {
   return word.size() == 1 && word[0] >= 'x' && word[0] <= 'z' ? word[0] - 'x' : -1;
 }
 
-// Lower-case words; an axis stuck to a known word comes off ("posx", "fy", "q2", "xref").
+// What a commanded motion is called; a longer word comes before its own beginning.
+constexpr std::string_view kCommands[] = {"commanded", "command", "cmd",      "desired", "des",
+                                          "reference", "ref",     "setpoint", "target",  "goal"};
+
+bool is_command(std::string_view word) {
+  return std::find(std::begin(kCommands), std::end(kCommands), word) != std::end(kCommands);
+}
+
+// "cmdx" and "xgoal" are two words. What remains must still be an axis or a position's name, so
+// that "nodes" or "prefer" become no reference.
+void push_without_command(Words& words, const std::string& word) {
+  for (const std::string_view command : kCommands) {
+    if (is_command(word)) break;
+    if (word.size() <= command.size()) continue;
+    const std::size_t rest = word.size() - command.size();
+    if (std::string_view(word).substr(0, command.size()) == command) {
+      words.emplace_back(command);
+      words.push_back(word.substr(command.size()));
+      return;
+    }
+    if (std::string_view(word).substr(rest) == command) {
+      words.push_back(word.substr(0, rest));
+      words.emplace_back(command);
+      return;
+    }
+  }
+  words.push_back(word);
+}
+
+// Lower-case words; an axis or a command stuck to a known word comes off ("posx", "fy", "q2",
+// "xref", "CmdX").
 Words words_of(std::string_view stem) {
   Words words;
   std::string word;
@@ -49,7 +79,7 @@ Words words_of(std::string_view stem) {
     if (std::isalnum(static_cast<unsigned char>(c)) || (static_cast<unsigned char>(c) & 0x80u)) {
       word += c;
     } else if (!word.empty()) {
-      words.push_back(lower(word));
+      push_without_command(words, lower(word));
       word.clear();
     }
   }
@@ -70,7 +100,7 @@ Words words_of(std::string_view stem) {
     }
     if (done) continue;
     if (w.size() > 1 && axis_of_letter(w.substr(0, 1)) >= 0 &&
-        among(w.substr(1), {"ref", "des", "cmd", "pos", "position", "force", "target"})) {
+        among(w.substr(1), {"pos", "position", "force"})) {
       out.push_back(w.substr(0, 1));
       out.push_back(w.substr(1));
       continue;
@@ -191,8 +221,9 @@ Guess guess_of(const std::string& stem, const std::string& unit) {
       return guess;
     }
   }
-  if (take_any(words, {"ref", "reference", "des", "desired", "cmd", "command", "commanded",
-                       "target", "setpoint"})) {
+  const auto command = std::find_if(words.begin(), words.end(), is_command);
+  if (command != words.end()) {
+    words.erase(command);
     // A commanded force is no reference of the motion; it stays what it is.
     if (guess_force(words, unit, stem).role == Role::kForce) return guess;
     return guess_position(words, unit, stem, true);
@@ -426,6 +457,11 @@ class Mapper {
     std::set<std::string> names;
     for (const ChannelRule& rule : rules_.channels) {
       const auto at = static_cast<std::size_t>(column_named(columns_, rule.source, "map"));
+      if (static_cast<Index>(at) == out_.time) {
+        throw Error(Fault::kArgument, "map",
+                    "column \"" + rule.source + "\" is the time: remove its [[channel]] table",
+                    "column " + rule.source);
+      }
       if (used_[at]) {
         throw Error(Fault::kArgument, "map",
                     "column \"" + rule.source + "\" is used twice: give it one rule",

@@ -31,12 +31,21 @@ def _json(capsys, *arguments):
 
 
 def _refused(capsys, code, *arguments):
-    """One line on standard error, nothing on standard output; returns the line."""
+    """One sentence on standard error, nothing on standard output; returns the sentence.
+
+    What was found in the record follows, a line each.
+    """
+    line, *found = _refused_lines(capsys, code, *arguments)
+    assert all(one.startswith("ulna: warning: ") for one in found)
+    return line
+
+
+def _refused_lines(capsys, code, *arguments):
     assert cli.main([str(a) for a in arguments]) == code
     out, err = capsys.readouterr()
-    assert out == "" and err.count("\n") == 1 and err.startswith("ulna"), err
+    assert out == "" and err.startswith("ulna") and err.endswith("\n"), err
     assert "Traceback" not in err
-    return err
+    return err.splitlines()
 
 
 def test_json_is_one_object_with_everything_promised(capsys):
@@ -126,6 +135,9 @@ def test_no_command_shows_the_help(capsys):
         (["assess", "x.csv", "--lowpass", "nan"], "not a finite number"),
         (["assess", "x.csv", "--payload", "many"], "'many' is not a number"),
         (["assess", "x.csv", "--shoulder", "1"], "not two numbers"),
+        (["assess", "x.csv", "--shoulder", "-1"], "not two numbers"),
+        (["assess", "x.csv", "--bootstrap", "0"], "not a whole number above 0"),
+        (["assess", "x.csv", "--bootstrap", "9", "--errors", "newey-west"], "--errors bootstrap"),
         (["assess", "x.csv", "--model", "round"], "round"),
         (["assess", "x.csv", "--wobble"], "--wobble"),
         (["asses", "x.csv"], "asses"),
@@ -167,6 +179,84 @@ def test_a_recording_that_determines_nothing_is_a_failed_analysis(capsys, tmp_pa
         header="time_s,x_m,F_x_N",
     )  # fmt: skip
     assert "internal" not in _refused(capsys, cli.FAILED_ANALYSIS, "assess", path)
+
+
+def _altered_arm(path, change):
+    """The arm's recording with its lines of data changed."""
+    heading, *rows = ARM.read_text().splitlines()
+    path.write_text("\n".join([heading, *change(rows)]) + "\n")
+    return path
+
+
+def _without_some(rows):
+    return rows[:20000] + rows[20050:]
+
+
+def _with_a_hole(rows):
+    cells = rows[20000].split(",")
+    return rows[:20000] + [",".join([cells[0], "nan", *cells[2:]])] + rows[20001:]
+
+
+def _jittered(rows):
+    def shifted(row, by):
+        time, rest = row.split(",", 1)
+        return f"{float(time) + by:.4f},{rest}"
+
+    return [shifted(row, 2e-4 if i % 3 == 2 else 0.0) for i, row in enumerate(rows)]
+
+
+@pytest.mark.parametrize(
+    "change, option, code",
+    [
+        (_without_some, "--split", "gap"),
+        (_with_a_hole, "--split", "missing values"),
+        (_jittered, "--regularise", "jitter"),
+    ],
+)
+def test_a_recording_with_faults_names_the_option_that_helps(
+    capsys, tmp_path, change, option, code
+):
+    path = _altered_arm(tmp_path / "faulty.csv", change)
+    line, *found = _refused_lines(capsys, cli.BAD_INPUT, "assess", path)
+    assert line.endswith(f"; try {option}")
+    assert any(one.startswith("ulna: warning: ") and code in one for one in found)
+    assert _json(capsys, path, option)["n"] == 2
+
+
+def test_several_files_are_trials(capsys, tmp_path):
+    for name, rows in (("1.csv", slice(0, 20000)), ("2.csv", slice(20000, 40000))):
+        _altered_arm(tmp_path / name, lambda lines, rows=rows: lines[rows])
+    files = [str(tmp_path / "1.csv"), str(tmp_path / "2.csv")]
+    found = _json(capsys, *files)
+    assert found["record"]["trials"] == len(found["trials"]) == 2
+    assert found["record"]["source"] == files
+    assert np.mean(found["trials"], axis=0) == pytest.approx(found["trial_mean"], rel=1e-9)
+    # Two values: the standard error of their mean is half their distance.
+    half = np.abs(np.subtract(*found["trials"])) / 2
+    assert half == pytest.approx(found["trial_se"], rel=1e-9)
+    folder = _json(capsys, tmp_path)
+    assert folder["K"] == found["K"] and folder["record"]["source"] == str(tmp_path)
+
+
+def test_bootstrap_counts_and_needs_no_other_option(capsys):
+    true = ulna.identify_impedance(ulna.read(ARM), errors="bootstrap", bootstrap=60, seed=3)
+    found = _json(capsys, ARM, "--bootstrap", "60", "--seed", "3")
+    assert found["K_se"] == true.K_se.tolist()
+    assert found["K_se"] != _json(capsys, ARM)["K_se"]
+
+
+def test_a_shoulder_left_of_the_origin_is_no_option(capsys):
+    _json(capsys, ARM, "--shoulder", "-0.1,0")
+    assert cli._with_negative_pair(["--shoulder", "-.1,0", "-x"]) == ["--shoulder=-.1,0", "-x"]
+
+
+def test_json_holds_what_the_perturbation_caused_and_rho(capsys):
+    estimate = ulna.identify_impedance(ulna.read(ARM))
+    found = _json(capsys, ARM)
+    assert found["vaf_reference"] == estimate.vaf_reference.tolist()
+    assert found["vaf_interval"] == estimate.vaf_interval.tolist()
+    for name in ("freq_hz", "value", "total"):
+        assert found["rho"][name] == getattr(estimate.rho, name).tolist()
 
 
 def test_out_that_is_a_file_is_refused_before_the_work(capsys, tmp_path):

@@ -17,6 +17,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: E402
 
 import ulna  # noqa: E402
 from ulna import plot  # noqa: E402
+from ulna.record import join  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "examples" / "python"))
@@ -125,6 +126,52 @@ def test_truth_is_drawn_where_it_belongs(arm):
     grid = plot.parameters(arm, truth={"K": relaxed_arm.P1.k_n_m})
     crosses = [line for line in grid.flat[2].lines if line.get_marker() == "x"]
     assert np.allclose(crosses[0].get_xdata(), relaxed_arm.P1.k_n_m.ravel())
+
+
+@pytest.mark.parametrize(
+    "truth, words", [({"Z": [1.0]}, "truth names 'Z'"), ({"K": [1.0]}, "in the shape")]
+)
+def test_truth_that_fits_no_parameter_is_refused(arm, truth, words):
+    with pytest.raises(ulna.ArgumentError, match=words):
+        plot.parameters(arm, truth=truth)
+    assert plt.get_fignums() == []
+
+
+def test_what_cannot_be_drawn_is_an_argument_error(arm):
+    with pytest.raises(ulna.ArgumentError, match="no reference"):
+        plot.human_share(Altered(arm, rho=None))
+    with pytest.raises(ulna.ArgumentError, match="must hold 4 x 1 axes, got 1"):
+        plot.record(arm.record, plt.figure().subplots())
+
+
+def test_a_record_is_drawn_channel_by_channel(arm):
+    log = arm.record
+    with plot.style():
+        grid = log.plot()
+    assert [ax.get_ylabel() for ax in grid[:, 0]] == ["x (mm)", "y (mm)", "F_x (N)", "F_y (N)"]
+    assert [line.get_label() for line in grid[0, 0].lines] == ["x", "x_ref"]
+    drawn = grid[2, 0].lines[0].get_ydata()
+    # However many samples a line stands for, its extremes are those of the channel.
+    assert len(drawn) < 5000
+    assert (np.nanmin(drawn), np.nanmax(drawn)) == (log["F_x"].min(), log["F_x"].max())
+    assert all(len(ax.patches) == 0 for ax in grid[:, 0])
+    assert _texts_outside(grid[0, 0].figure) == []
+
+
+def test_trials_and_segments_of_a_record_are_shaded(arm):
+    part = arm.record.select(stop_s=10.0)
+    two = join([part, part.select(onsets_s=[2.0, 4.0], after_s=1.0)])
+    ax = plot.record(two)[0, 0]
+    spans = [(p.get_x(), p.get_x() + p.get_width()) for p in ax.patches]
+    # The clock restarts, so the second trial is drawn after the first: from 10 s on.
+    assert np.allclose(spans[0], (10.0, 19.999))
+    assert np.allclose(spans[1:], [(0.0, 9.999), (12.0, 12.999), (14.0, 14.999)])
+    x = ax.lines[0].get_xdata()
+    assert np.nanmax(x) > 19.9 and np.isnan(x).sum() == 2
+
+
+def test_every_public_name_is_there():
+    assert all(hasattr(plot, name) for name in plot.__all__)
 
 
 def test_drawn_signals_are_those_of_the_estimate(arm):

@@ -66,6 +66,46 @@ def test_matlab(tmp_path):
     assert [c.name for c in ulna.read(tmp_path / "c.mat").channels] == ["p_1", "p_2"]
 
 
+def test_names_inside_one_struct_or_group_are_guessed_and_the_draft_reads_back(tmp_path):
+    scipy_io = pytest.importorskip("scipy.io")
+    h5py = pytest.importorskip("h5py")
+    inner = {"time": T, "x": {"value": X, "unit": "mm"}, "F_x": F, "gain": 2.0}
+    scipy_io.savemat(tmp_path / "a.mat", {"log": inner, "fs": 1000})
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for name, values in (("t", T), ("x_mm", X), ("Fx", F)):
+            file["trial1/" + name] = values
+    for name in ("a.mat", "a.h5"):
+        log = ulna.read(tmp_path / name)
+        check_log(log)
+        (tmp_path / "map.toml").write_text(ulna.inspect(tmp_path / name).toml())
+        again = ulna.read(tmp_path / name, map=tmp_path / "map.toml")
+        assert np.array_equal(again.values, log.values)
+        kinds = [[(c.name, c.role, c.unit) for c in one.channels] for one in (log, again)]
+        assert kinds[0] == kinds[1]
+    whole = {"time": {"column": "trial1/t"}, "channel": [
+        {"column": "trial1/x_mm", "name": "x"}, {"column": "Fx", "name": "F_x"}]}  # fmt: skip
+    check_log(ulna.read(tmp_path / "a.h5", map=whole))
+
+
+def test_names_of_different_structs_stay_whole(tmp_path):
+    np.savez(tmp_path / "a.npz", **{"t": T, "left.x": X, "right.x": X})
+    assert [c.name for c in ulna.read(tmp_path / "a.npz").channels] == ["left.x", "right.x"]
+    np.savez(tmp_path / "b.npz", **{"t": T, "log.t": T, "log.x": X})  # two clocks without the prefix
+    assert "log.x" in ulna.read(tmp_path / "b.npz")
+
+
+@pytest.mark.parametrize("cmd", ["CmdX", "x_des", "goal_x", "setpoint", "x_target", "DesiredX"])
+def test_commands_are_references(cmd):
+    log = ulna.read(csv(zip(T, X, F, X, strict=True), f"t_s,x_mm,Fx_N,{cmd}").encode())
+    assert [(c.name, c.role) for c in log.channels][2] == ("x_ref", "reference")
+
+
+@pytest.mark.parametrize("name", ["nodes", "prefer", "cmdF", "vel_des"])
+def test_other_names_are_no_references(name):
+    log = ulna.read(csv(zip(T, X, F, X, strict=True), f"t_s,x_mm,Fx_N,{name}").encode())
+    assert log.channels[2].role == "other"
+
+
 def test_hdf5_and_matlab_73(tmp_path):
     h5py = pytest.importorskip("h5py")
     with h5py.File(tmp_path / "a.h5", "w") as file:
@@ -144,6 +184,7 @@ def test_map(tmp_path):
         (('column = "enc"\n', ""), "needs its column"),
         (("[file]", "rate_hz = -1\n[file]"), "rate_hz must be positive"),
         (('unit = "N"', 'unit = "lbf"'), 'unknown unit "lbf"'),
+        (('column = "enc"', 'column = "clock"'), r"line 6 .*remove its \[\[channel\]\] table"),
     ],
 )
 def test_wrong_maps_are_refused_with_their_place(tmp_path, change, message):
@@ -193,8 +234,13 @@ def test_several_files_are_trials(tmp_path):
         log = ulna.read(source)
         assert len(log.trials) == 2 and len(log) == 1000
     (tmp_path / "3.csv").write_text(TABLE.replace("x_mm", "y_mm"))
-    with pytest.raises(ulna.DataError, match="other channels"):
+    with pytest.raises(ulna.DataError, match=r"3\.csv: it has other channels than .*1\.csv"):
         ulna.read(tmp_path)
+    (tmp_path / "3.csv").write_text("t,x,F\n0,1,2\n1,abc,3\n2,3,4\n")
+    with pytest.raises(ulna.FormatError, match=r"3\.csv: .*abc") as caught:
+        ulna.read(tmp_path)
+    assert caught.value.status == "ULNA_ERROR_FORMAT" and "row 1" in caught.value.detail
+    assert len(ulna.read([tmp_path / "1.csv", tmp_path / "2.csv"]).trials) == 2
     (tmp_path / "empty").mkdir()
     with pytest.raises(ulna.FileError, match="holds no recording"):
         ulna.read(tmp_path / "empty")

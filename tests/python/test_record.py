@@ -121,6 +121,23 @@ def test_split_select_and_segments():
         log.select(onsets_s=[0.1, 5], after_s=0.1)
 
 
+@pytest.mark.parametrize(
+    ("onsets", "pair"),
+    [
+        ([0.1, 0.25], r"onset 0 \(0.1 s\) and onset 1 \(0.25 s\)"),
+        ([0.5, 0.1, 0.5], r"onset 0 \(0.5 s\) and onset 2 \(0.5 s\)"),
+    ],
+)
+def test_segments_that_overlap_are_refused(onsets, pair):
+    with pytest.raises(ulna.ArgumentError, match=pair + " overlap"):
+        motion().select(onsets_s=onsets, after_s=0.2)
+
+
+def test_segments_may_touch():
+    segments = motion().select(onsets_s=[0.5, 0.3], before_s=0.05, after_s=0.15).segments
+    assert [(s.begin, s.end) for s in segments] == [(250, 450), (450, 650)]
+
+
 def test_resolve_and_roles():
     log = ulna.Record.from_arrays([0, 1], {"x": [1, 2], "y": [1, 2], "F_y": [1, 2], "F_x": [1, 2]})
     assert log.resolve("F") == (3, 2) == log.with_role("force") == log.resolve("force")

@@ -6,6 +6,7 @@ import base64
 import re
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -15,7 +16,14 @@ matplotlib = pytest.importorskip("matplotlib")
 matplotlib.use("Agg")
 
 import ulna  # noqa: E402
-from ulna.report import digits_after_point, number, percent, value_and_interval  # noqa: E402
+from ulna.record import join  # noqa: E402
+from ulna.report import (  # noqa: E402
+    _shape_words,
+    digits_after_point,
+    number,
+    percent,
+    value_and_interval,
+)
 
 ROOT = Path(__file__).resolve().parents[2]
 _VOID = {"meta", "img", "br", "link", "hr", "input"}
@@ -124,7 +132,69 @@ def test_numbers_are_those_of_the_estimate(arm, page):
 def test_every_warning_is_in_it(arm, page):
     text = Page(page).text
     for sentence in arm.warnings:
-        assert " ".join(sentence.split()) in text
+        assert re.sub(r"\b([mbk])_", r"\1", " ".join(sentence.split())) in text
+
+
+def test_entries_in_a_warning_have_an_index(arm, tmp_path):
+    text = _without_figures(
+        Altered(arm, warnings=("k_yy < k_xxl",), least_squares=None), tmp_path / "a.html"
+    )
+    assert '<i class="q">k</i><sub>yy</sub> &lt; k_xxl' in text
+
+
+def test_what_the_perturbation_caused_is_in_the_answer(arm, page, tmp_path):
+    answer = Page(page).text.split("Parameters")[0]
+    assert arm.vaf_reference.min() > 99
+    for value in arm.vaf_reference:
+        assert f"{value:.1f} %" in answer
+    assert "what the perturbation caused of the force" in answer
+    none = Altered(arm, vaf_reference=np.full(2, np.nan))
+    text = _without_figures(none, tmp_path / "none.html")
+    assert "the perturbation caused" not in text and "it has not seen." in Page(text).text
+
+
+def test_fixed_parameters_are_called_fixed(tmp_path):
+    log = ulna.read(ROOT / "examples" / "data" / "relaxed-arm.csv")
+    with pytest.warns(ulna.UncertainResult):
+        text = _without_figures(
+            ulna.identify_impedance(log, no_damping=True), tmp_path / "a.html"
+        )
+    read = Page(text).text
+    # Four entries in two columns, two axes of the ellipse and the excess by the model.
+    assert read.count("0 (fixed)") == 4 * 2 + 2 + 1
+    assert "undefined" in read.split("Ellipses")[1]
+
+
+def test_trials_have_a_mean_with_its_error(arm, page, tmp_path):
+    assert "Each trial" not in page
+    log = ulna.read(ROOT / "examples" / "data" / "relaxed-arm.csv")
+    halves = join([log.select(stop_s=24.0), log.select(start_s=25.0)])
+    estimate = ulna.identify_impedance(halves)
+    read = Page(_without_figures(estimate, tmp_path / "a.html")).text
+    k_yy = 2 * 4 + 3
+    mean, error = estimate.trial_mean[k_yy], estimate.trial_se[k_yy]
+    assert f"{number(mean, error)} ± {number(error, error)}" in read
+    total = sum(absorbed[-1] for _, absorbed, _ in estimate.passivity().series)
+    assert f"{total:.3g} J over 2 trials" in read
+
+
+@pytest.mark.parametrize(
+    "value, minor, words",
+    [
+        (np.nan, (-1.0, 2.0), "undefined"),
+        (np.inf, (0.0, 0.0), "undefined"),
+        (4.0, (-1.0, 2.0), "4 [unbounded]"),
+        (4.0, (1.0, 2.0), "4.00 [3.00, 5.00]"),
+    ],
+)
+def test_shape_of_an_ellipse_without_a_bound_says_so(value, minor, words):
+    shape = SimpleNamespace(shape=value, minor_interval=minor, shape_interval=(3.0, 5.0))
+    assert _shape_words(shape) == words
+
+
+def test_a_folder_is_no_file_to_write(arm, tmp_path):
+    with pytest.raises(ulna.ArgumentError, match="is a folder: give the name of the file"):
+        ulna.report(arm, tmp_path)
 
 
 def test_what_least_squares_would_have_said_is_said(arm, page, tmp_path):

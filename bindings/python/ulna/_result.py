@@ -53,6 +53,7 @@ def _fit(estimate: Any) -> dict[str, Any]:
     out["intervals_95"] = {name: list(estimate.interval(name)) for name in _PARAMETERS}
     out["vaf"] = np.atleast_1d(estimate.vaf)
     out["vaf_interval"] = estimate.vaf_interval
+    out["vaf_reference"] = estimate.vaf_reference
     out["condition"] = estimate.condition
     return out
 
@@ -83,9 +84,12 @@ def record_information(record: Any) -> dict[str, Any]:
 
 
 def result(
-    estimate: Any, *, source: str | None = None, report: str | None = None
+    estimate: Any, *, source: str | list[str] | None = None, report: str | None = None
 ) -> dict[str, Any]:
-    """Everything of an estimate that fits in a JSON object; NaN becomes ``None``."""
+    """Everything of an estimate that fits in a JSON object; NaN becomes ``None``.
+
+    `source` names the file of the record, or lists those of its trials.
+    """
     from . import __version__
 
     out = _fit(estimate)
@@ -103,7 +107,7 @@ def result(
     )
     squares = estimate.least_squares
     out["least_squares"] = None if squares is None else _fit(squares)
-    out["rho"] = None if estimate.rho is None else {"total": estimate.rho.total}
+    out["rho"] = None if estimate.rho is None else _fields(estimate.rho)
     names = ("difference_p", "lag_s", "lag_se_s", "train_rows", "held_out_rows", "train_s",
              "refitted", "payload_kg", "trials", "trial_mean", "trial_se", "provenance")  # fmt: skip
     out.update({name: getattr(estimate, name) for name in names})

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import shlex
 import sys
 import warnings
@@ -39,7 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        options = _parser().parse_args(words)
+        options = _parser().parse_args(_with_negative_pair(words))
     except SystemExit as stop:  # argparse: 0 after --help, 2 for a wrong command line
         return int(stop.code or 0)
     options.command_line = shlex.join(["ulna", *words])
@@ -57,10 +58,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Exception as failure:  # noqa: BLE001 - one sentence instead of a traceback
         if options.debug:
             raise
-        return _explain(failure)
+        return _explain(failure, options)
 
 
-def _explain(failure: Exception) -> int:
+def _with_negative_pair(words: list[str]) -> list[str]:
+    """``--shoulder -0.1,0`` as one word: argparse would take the pair for an option."""
+    out: list[str] = []
+    for word in words:
+        if out and out[-1] == "--shoulder" and re.match(r"-[.\d]", word):
+            out[-1] += f"={word}"
+        else:
+            out.append(word)
+    return out
+
+
+def _explain(failure: Exception, options: argparse.Namespace) -> int:
     from . import AnalysisError, ArgumentError, DataError, FileError, FormatError, UnsupportedError
 
     told = (ArgumentError, DataError, FileError, FormatError, UnsupportedError, OSError, _Usage)
@@ -80,8 +92,30 @@ def _explain(failure: Exception) -> int:
             f"internal error: {type(failure).__name__}: {message}; "
             "please report it with what --debug prints"
         )
-    print(f"ulna: {message}", file=sys.stderr)
+    record = getattr(options, "record", None)  # there from when the file was read
+    if record is None or code == INTERNAL:
+        print(f"ulna: {message}", file=sys.stderr)
+        return code
+    print(f"ulna: {message}{_remedy(message, options)}", file=sys.stderr)
+    for finding in record.findings:
+        if finding.severity != "note":
+            print(f"ulna: warning: {' '.join(finding.message.split())}", file=sys.stderr)
     return code
+
+
+# What the library says of a record that an option can mend.
+_SPLITS = ("samples are missing", "has no number", "missing value", "has a gap")
+_REGULARISES = ("jitter",)
+
+
+def _remedy(message: str, options: argparse.Namespace) -> str:
+    for phrases, option, used in (
+        (_SPLITS, "--split", options.split),
+        (_REGULARISES, "--regularise", options.regularise),
+    ):
+        if not used and any(phrase in message for phrase in phrases):
+            return f"; try {option}"
+    return ""
 
 
 class _Usage(Exception):
@@ -142,10 +176,20 @@ def _add_assess(commands: Any) -> None:
         summary="estimate inertia, damping and stiffness and judge passivity",
         examples="  ulna assess trial.csv\n"
         "  ulna assess trial.csv --map lab.toml --out report\n"
+        "  ulna assess first.csv second.csv --split --out report\n"
         "  ulna assess ankle.csv --lowpass 50 --train 40 --json",
     )
-    parser.add_argument("file", metavar="FILE", help="recording: CSV, TSV, MAT, NPZ or HDF5")
+    parser.add_argument(
+        "file", metavar="FILE", nargs="+",
+        help="recording: CSV, TSV, MAT, NPZ or HDF5; several files, or a folder, are trials",
+    )  # fmt: skip
     parser.add_argument("--map", metavar="MAP", help="TOML file that names columns and units")
+    parser.add_argument(
+        "--split", action="store_true", help="start a new trial after gaps and missing values"
+    )
+    parser.add_argument(
+        "--regularise", action="store_true", help="put jittering time stamps on an even clock"
+    )
     parser.add_argument("--out", metavar="DIR", help="write report.html, result.json and figures")
     parser.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
     model = parser.add_argument_group("model")
@@ -157,7 +201,7 @@ def _add_assess(commands: Any) -> None:
     model.add_argument("--diagonal-mass", action="store_true", help="M = m times the identity")
     model.add_argument(
         "--payload", metavar="KG", type=_not_negative, default=0.0,
-        help="mass between sensor and hand, taken off M",
+        help="mass between sensor and hand, taken off M, in kg (kg m^2 for a joint)",
     )  # fmt: skip
     fit = parser.add_argument_group("fit")
     fit.add_argument(
@@ -170,8 +214,12 @@ def _add_assess(commands: Any) -> None:
     fit.add_argument("--train", metavar="S", type=_positive, help="seconds that identify; the rest "
                      "validates")  # fmt: skip
     fit.add_argument(
-        "--errors", choices=("newey-west", "bootstrap"), default="newey-west",
-        help="how standard errors are found (default: %(default)s)",
+        "--errors", choices=("newey-west", "bootstrap"),
+        help="how standard errors are found (default: newey-west)",
+    )  # fmt: skip
+    fit.add_argument(
+        "--bootstrap", metavar="N", type=_count,
+        help="number of resamplings; implies --errors bootstrap",
     )  # fmt: skip
     fit.add_argument("--seed", metavar="N", type=int, default=0, help="of the random draws")
     drawing = parser.add_argument_group("drawing")
@@ -226,6 +274,12 @@ def _odd(text: str) -> int:
     return int(text)
 
 
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number above 0")
+    return int(text)
+
+
 def _pair(text: str) -> tuple[float, float]:
     parts = text.split(",")
     if len(parts) != 2:
@@ -241,10 +295,17 @@ def _assess(options: argparse.Namespace) -> int:
 
     from ._result import result
 
+    if options.bootstrap is not None and options.errors == "newey-west":
+        raise _Usage("--bootstrap N needs --errors bootstrap: leave out --errors newey-west")
     if options.out is not None:
         _require_matplotlib()
         _check_folder(Path(options.out))
-    record = ulna.read(options.file, map=options.map)
+    record = options.record = ulna.read(options.file, map=options.map)
+    if options.split:  # before the clock is made even, which gaps forbid
+        record = options.record = record.split()
+    if options.regularise:
+        record = options.record = record.regularise()
+    counts = {} if options.bootstrap is None else {"bootstrap": options.bootstrap}
     estimate = ulna.identify_impedance(
         record,
         model=options.model,
@@ -255,11 +316,13 @@ def _assess(options: argparse.Namespace) -> int:
         window=options.window,
         train_s=options.train,
         payload_kg=options.payload,
-        errors=options.errors,
+        errors=options.errors or ("bootstrap" if counts else "newey-west"),
         seed=options.seed,
+        **counts,
     )
     page = None if options.out is None else Path(options.out) / "report.html"
-    found = result(estimate, source=str(options.file), report=None if page is None else str(page))
+    source = options.file[0] if len(options.file) == 1 else options.file
+    found = result(estimate, source=source, report=None if page is None else str(page))
     text = json.dumps(found, indent=2, allow_nan=False)
     if page is not None:
         _write_results(estimate, page, text, options)
@@ -300,13 +363,19 @@ def _write_results(estimate: Any, page: Path, text: str, options: argparse.Names
     report(
         estimate,
         page,
-        source=Path(options.file).name,
+        source=_source_words(options.file),
         command=options.command_line,
         figures=pictures,
     )
     for picture in pictures:
         picture.save(figures)
     (page.parent / "result.json").write_text(text + "\n", encoding="utf-8")
+
+
+def _source_words(files: Sequence[str]) -> str:
+    names = [Path(file).name for file in files]
+    more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+    return ", ".join(names[:3]) + more
 
 
 def _summary(estimate: Any) -> str:

@@ -77,8 +77,36 @@ def read(
     paths = _paths_of(source)
     if paths is None:
         return _read_one(source, plan, format, progress)
-    records = [_read_one(path, plan, format, progress) for path in paths]
-    return records[0] if len(records) == 1 else join(records)
+    if len(paths) == 1:
+        return _read_one(paths[0], plan, format, progress)
+    records = []
+    for path in paths:
+        try:
+            records.append(_read_one(path, plan, format, progress))
+        except Error as failure:
+            if str(path) in str(failure):
+                raise
+            raise _reworded(failure, f"{path}: {failure}") from failure
+    return _joined(records, paths)
+
+
+def _joined(records: list[Record], paths: list[Path]) -> Record:
+    try:
+        return join(records)
+    except Error as failure:
+        # The core knows the records by number alone.
+        named = re.match(r"record (\d+) ", str(failure))
+        if named is None:
+            raise
+        words = str(failure)[named.end() :].replace("the first", str(paths[0]), 1)
+        raise _reworded(failure, f"{paths[int(named[1])]}: it {words}") from failure
+
+
+def _reworded(failure: Error, message: str) -> Error:
+    """The same error with another message."""
+    return type(failure)(
+        message, status=failure.status, argument=failure.argument, detail=failure.detail
+    )
 
 
 def _paths_of(source: Any) -> list[Path] | None:
@@ -88,8 +116,12 @@ def _paths_of(source: Any) -> list[Path] | None:
     if isinstance(source, list | tuple):
         if not source:
             raise refuse("the list of files is empty: give at least one", "source")
-        return [Path(item) for item in source]
-    path = Path(source)
+        return [path for item in source for path in _files_of(Path(item))]
+    return _files_of(Path(source))
+
+
+def _files_of(path: Path) -> list[Path]:
+    """The file itself, or the recordings in a folder in order of their names."""
     if not path.is_dir():
         return [path]
     files = sorted(item for item in path.iterdir() if item.suffix.lower() in _FORMATS)
@@ -271,22 +303,42 @@ def _hdf5_columns(source: Any, contents: bytes | None) -> Iterator[_Found]:
 
 def _from_found(columns: list[_Found], name: str, plan: _Plan, progress: bool) -> Record:
     columns = _same_length(columns, name, plan)
-    wanted = {rule["source"]: rule for rule in plan.rules}
-    headings = [f"{c.name} [{c.unit}]" if c.unit else c.name for c in columns]
-    # A map names the variable; the heading carries the unit as well.
-    full = {c.name: heading for c, heading in zip(columns, headings, strict=True)}
-    rules = [{**rule, "source": full.get(source, source)} for source, rule in wanted.items()]
+    short = _without_common_prefix([c.name for c in columns])
+    headings = [f"{s} [{c.unit}]" if c.unit else s for s, c in zip(short, columns, strict=True)]
+    # A map names the variable, with or without its struct; the heading carries the unit as well.
+    full = dict(zip(short, headings, strict=True))
+    full.update({c.name: heading for c, heading in zip(columns, headings, strict=True)})
+
+    def heading_of(source: str) -> str:
+        return full.get(source, full.get(source.replace("/", "."), source))
+
+    rules = [{**rule, "source": heading_of(rule["source"])} for rule in plan.rules]
     time = plan.time_column
     return from_columns(
         np.column_stack([c.values for c in columns]),
         headings,
         rules=rules,
-        time_column=full.get(time, time) if time else None,
+        time_column=heading_of(time) if time else None,
         time_unit=plan.time_unit,
         rate_hz=plan.rate_hz,
         name=name,
         progress=progress,
     )
+
+
+def _without_common_prefix(names: list[str]) -> list[str]:
+    """Names without the struct or group that holds all of those inside one.
+
+    Examples
+    --------
+    >>> _without_common_prefix(["log.time", "log.pos.x", "gain"])
+    ['time', 'pos.x', 'gain']
+    """
+    inside = [name.split(".")[:-1] for name in names if "." in name]
+    common = os.path.commonprefix(inside)  # of lists, element by element
+    prefix = "".join(f"{part}." for part in common)
+    out = [name[len(prefix) :] if "." in name else name for name in names]
+    return out if len(set(out)) == len(out) else names
 
 
 def _same_length(columns: list[_Found], name: str, plan: _Plan) -> list[_Found]:
@@ -298,7 +350,8 @@ def _same_length(columns: list[_Found], name: str, plan: _Plan) -> list[_Found]:
     lengths: dict[int, list[str]] = {}
     for column in columns:
         lengths.setdefault(len(column.values), []).append(column.name)
-    needed = [rule["source"] for rule in plan.rules] + [plan.time_column]
+    sources = [rule["source"] for rule in plan.rules] + [plan.time_column or ""]
+    needed = {source.replace("/", ".") for source in sources}
     # Parameters of one number beside the signals are no channels.
     scalars = lengths.pop(1, []) if len(lengths) > 1 else []
     kept = [c for c in columns if c.name not in scalars or c.name in needed]
@@ -407,6 +460,12 @@ class _Checker:
             raise self.refuse("format", "format must be csv, mat, npz or hdf5")
         if file.get("skip_rows", 0) < 0:
             raise self.refuse("skip_rows", "skip_rows must be 0 or more")
+        for item in table.get("channel", []):
+            column = item.get("column") if isinstance(item, dict) else None
+            if column is not None and column == time.get("column"):
+                raise self.refuse(
+                    "time", f"the column {column!r} is the time: remove its [[channel]] table"
+                )
         header = {None: 0, True: lib.ULNA_HEADER_PRESENT, False: lib.ULNA_HEADER_ABSENT}
         return _Plan(
             rules=tuple(self.rule(item) for item in table.get("channel", [])),

@@ -20,6 +20,26 @@ from typing import Any
 import numpy as np
 
 from ._response import dynamic_stiffness, is_break, measured_response, raw_signals
+from .record import refuse
+
+__all__ = [
+    "Picture",
+    "ellipses",
+    "energy",
+    "entry_names",
+    "frequency_response",
+    "human_share",
+    "measured_response",
+    "method_name",
+    "overview",
+    "parameters",
+    "pictures",
+    "prediction",
+    "record",
+    "signals",
+    "style",
+    "unit_of",
+]
 
 BLUE = "#0072B2"
 ORANGE = "#D55E00"
@@ -106,7 +126,7 @@ def _grid(
         return figure.subplots(rows, columns, squeeze=False, **options)
     given = np.atleast_1d(np.asarray(axes, dtype=object))
     if given.size != rows * columns:
-        raise ValueError(f"axes must hold {rows} x {columns} axes, got {given.size}")
+        raise refuse(f"axes must hold {rows} x {columns} axes, got {given.size}", "axes")
     return given.reshape(rows, columns)
 
 
@@ -142,6 +162,95 @@ def _force_label(estimate: Any, axis: int) -> str:
     """Label of a force axis with its unit, as ``F_x (N)``."""
     name = f"F {_label_axes(estimate)[axis]}" if estimate.n > 1 else _force_name(estimate)
     return f"{name} ({_force_unit(estimate)})"
+
+
+# Records -----------------------------------------------------------------------------------------
+
+
+def record(record: Any, axes: Any = None) -> np.ndarray:
+    """Every channel of a record over time, one below the other; an axes each.
+
+    Positions come first, each with its reference dashed over it, then forces, then what is left.
+    Every other trial is shaded grey, and segments blue where an analysis does not use whole trials.
+    `axes` holds as many axes as there are channels, less the references drawn with their position.
+    """
+    rows = _channel_rows(record)
+    grid = _grid(axes, len(rows), 1, (WIDTH_IN, 0.7 + 1.15 * len(rows)), sharex=True)
+    time, label = _drawn_clock(record)
+    for ax, columns in zip(grid[:, 0], rows, strict=True):
+        factor, unit = _drawn_unit(record.channels[columns[0]])
+        looks = ((BLUE, "-"), (ORANGE, (0, (4, 1.2))))
+        for column, (colour, line) in zip(columns, looks, strict=False):
+            x, y = _whole_line(record, time, factor * record.values[:, column])
+            name = record.channels[column].name
+            ax.plot(x, y, color=colour, ls=line, lw=0.9, label=name)
+        _shade(ax, record, time)
+        names = record.channels[columns[0]].name
+        ax.set_ylabel(f"{names} ({unit})" if unit else names)
+        ax.margins(x=0)
+        if len(columns) > 1:
+            ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
+    grid[-1, 0].set_xlabel(label)
+    return grid
+
+
+def _channel_rows(record: Any) -> list[list[int]]:
+    """Columns to draw in one axes each, from the top."""
+    channels = record.channels
+    positions = [[column] for column in record.with_role("position")]
+    alone = []
+    for column in record.with_role("reference"):
+        mine = channels[column]
+        for row in positions:
+            place = channels[row[0]]
+            if len(row) == 1 and (place.axis, place.unit) == (mine.axis, mine.unit):
+                row.append(column)
+                break
+        else:
+            alone.append([column])
+    rest = [[column] for role in ("force", "other") for column in record.with_role(role)]
+    return positions + alone + rest
+
+
+def _drawn_unit(channel: Any) -> tuple[float, str]:
+    if channel.unit == "m" and channel.role in ("position", "reference"):
+        return 1e3, "mm"
+    return 1.0, {"Nm": "N m", "1": ""}.get(channel.unit, channel.unit)
+
+
+def _drawn_clock(record: Any) -> tuple[np.ndarray, str]:
+    """The record's time, or its trials one after another where the clock restarts."""
+    time = np.asarray(record.time)
+    if np.all(np.diff(time) > 0):
+        return time, "time (s)"
+    return np.arange(len(time)) / record.rate_hz, "time, trials one after another (s)"
+
+
+def _whole_line(
+    record: Any, time: np.ndarray, values: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """A line broken between trials; long ones by their extremes, so that no spike is lost."""
+    parts = []
+    for trial in record.trials:
+        t, v = time[trial.begin : trial.end], values[trial.begin : trial.end]
+        step = max(1, 2 * len(values) // _POINTS)
+        if step > 2:
+            begins = np.arange(0, len(v), step)
+            low, high = np.fmin.reduceat(v, begins), np.fmax.reduceat(v, begins)
+            t, v = np.repeat(t[begins], 2), np.column_stack([low, high]).ravel()
+        parts += [np.vstack([t, v]), np.full((2, 1), np.nan)]
+    x, y = np.hstack(parts)
+    return x, y
+
+
+def _shade(ax: Any, record: Any, time: np.ndarray) -> None:
+    for trial in record.trials[1::2]:
+        ax.axvspan(time[trial.begin], time[trial.end - 1], color=GREY, alpha=0.15, lw=0)
+    whole = {(trial.begin, trial.end) for trial in record.trials}
+    if whole == {(segment.begin, segment.end) for segment in record.segments}:
+        return
+    for segment in record.segments:
+        ax.axvspan(time[segment.begin], time[segment.end - 1], color=SKY, alpha=0.25, lw=0)
 
 
 # Signals -----------------------------------------------------------------------------------------
@@ -267,7 +376,9 @@ def ellipses(
     if shoulder_m is None:
         shoulder_m = _shoulder(estimate.record)
     if estimate.n != 2:
-        raise ValueError(f"ellipses are drawn in the plane; this estimate has {estimate.n} axes")
+        raise refuse(
+            f"ellipses are drawn in the plane; this estimate has {estimate.n} axes", "estimate"
+        )
     grid = _grid(axes, 1, 3, (WIDTH_IN, 3.0 if shoulder_m is None else 3.5))
     position = np.asarray(estimate.signals("all").position)
     centre = np.nanmean(position, axis=0)
@@ -438,11 +549,25 @@ def _subscript(name: str) -> str:
     return rf"${letter}_{{{index}}}$" if index else f"${letter}$" if letter.isascii() else name
 
 
+def _check_truth(estimate: Any, truth: dict[str, Any]) -> None:
+    for name, known in truth.items():
+        if name not in _TITLES:
+            raise refuse(
+                f"truth names {name!r}; the parameters are {', '.join(_TITLES)}", "truth"
+            )
+        wanted = np.shape(getattr(estimate, name))
+        if np.shape(known) != wanted:
+            raise refuse(
+                f"truth has {name} in the shape {np.shape(known)}, but {wanted} is expected", "truth"
+            )
+
+
 def parameters(estimate: Any, axes: Any = None, *, truth: dict[str, Any] | None = None) -> Any:
     """Every parameter with its 95 % interval, least squares beside the estimate; four axes.
 
     `truth` maps ``"M"``, ``"B"``, ``"K"``, ``"x0"`` to known values, drawn as crosses.
     """
+    _check_truth(estimate, truth or {})
     entries = estimate.n**2
     grid = _grid(axes, 2, 2, (WIDTH_IN, 1.6 + 0.42 * min(entries, 12)))
     methods = [(estimate, BLUE, "o", 0.0)]
@@ -559,7 +684,7 @@ def human_share(estimate: Any, ax: Any = None) -> Any:
     """Share of the motion's power that the reference does not explain, over frequency."""
     rho = estimate.rho
     if rho is None:
-        raise ValueError("the estimate has no rho: the record holds no reference")
+        raise refuse("the estimate has no rho: the record holds no reference", "estimate")
     ax = _grid(None if ax is None else [ax], 1, 1, (WIDTH_IN, 2.3))[0, 0]
     value = np.asarray(rho.value)
     value = value[:, None] if value.ndim == 1 else value

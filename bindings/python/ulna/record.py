@@ -508,6 +508,7 @@ class Record:
             Trials by number.
         onsets_s : array_like, shape (k,), optional
             Onsets on the record's clock; one segment each, of `before_s` before to `after_s` after.
+            Segments must not overlap.
 
         Examples
         --------
@@ -537,11 +538,31 @@ class Record:
         if onsets_s is not None:
             if after_s is None:
                 raise refuse("give after_s, the length of the segments after the onsets", "after_s")
-            onsets = view(np.asarray(onsets_s, dtype=float).reshape(-1))
+            times = np.asarray(onsets_s, dtype=float).reshape(-1)
+            record._refuse_overlaps(times, float(before_s) + float(after_s))
+            onsets = view(times)
             record = record._derive(
                 lib.ulna_record_with_segments, onsets, float(before_s), float(after_s)
             )
         return record
+
+    def _refuse_overlaps(self, onsets_s: np.ndarray, length_s: float) -> None:
+        """A sample in two segments would count twice in every fit and bootstrap."""
+        order = np.argsort(onsets_s, kind="stable")
+        # Segments are whole samples: neighbours that share less than half a step do not overlap.
+        with np.errstate(invalid="ignore"):  # onsets that are no numbers are refused by the core
+            apart = np.diff(onsets_s[order])
+            close = np.flatnonzero(apart < length_s - 0.5 / self.rate_hz)
+        if not len(close):
+            return
+        first, second = sorted(int(which) for which in order[close[0] : close[0] + 2])
+        room = float(apart[close[0]])
+        advice = f", or make before_s and after_s at most {room:g} s in all" if room > 0 else ""
+        raise refuse(
+            f"the segments of onset {first} ({onsets_s[first]:g} s) and onset {second} "
+            f"({onsets_s[second]:g} s) overlap: leave one out{advice}",
+            "onsets_s",
+        )
 
     def _span(self, start_s: float | None, stop_s: float | None) -> Record:
         if np.any(np.diff(self.time) <= 0):

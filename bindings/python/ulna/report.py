@@ -17,6 +17,7 @@ import numpy as np
 
 from . import plot
 from ._result import record_information
+from .record import refuse
 
 _VERDICTS = {
     "passive": ("Passive", "good"),
@@ -134,6 +135,12 @@ def report(
     'trial.html'
     """
     target = Path(path)
+    if target.is_dir():
+        raise refuse(
+            f"{str(path)!r} is a folder: give the name of the file to write, as "
+            f"{str(target / 'report.html')!r}",
+            "path",
+        )
     if figures is None:
         figures = plot.pictures(estimate, shoulder_m=shoulder_m)
     page = _page(estimate, title or "Impedance of the limb", source, command, figures)
@@ -154,6 +161,7 @@ def _page(
         "<h2>Parameters</h2>",
         _parameters(estimate),
         _fit_words(estimate),
+        _trials(estimate),
         "<h2>Passivity</h2>",
         _passivity(estimate, verdict),
         _ellipses(estimate),
@@ -226,6 +234,17 @@ def value_and_interval(value: float, interval: Any) -> str:
     return f"{number(value, spread)} [{number(low, spread)}, {number(high, spread)}]"
 
 
+def held(value: float) -> str:
+    """A parameter that the model holds at its value: ``0 (fixed)``.
+
+    Examples
+    --------
+    >>> held(-0.0)
+    '0 (fixed)'
+    """
+    return f"{value + 0.0:.3g} (fixed)".replace("-", "−")
+
+
 # Parts -------------------------------------------------------------------------------------------
 
 
@@ -278,9 +297,31 @@ def _answer_in_words(estimate: Any) -> str:
             for i in range(estimate.n)
         )
         words = f"Stiffness along the axes <b>{values} {escape(plot.unit_of(estimate, 'K'))}</b>"
-    vaf = " and ".join(f"{value:.0f} %" for value in np.atleast_1d(estimate.vaf))
+    return f"{words}. {_explained(estimate)}"
+
+
+def _explained(estimate: Any) -> str:
+    """Share of the force explained: of all of it, and of the part that the perturbation caused."""
     force = "torque" if estimate.rotational else "force"
-    return f"{words}. The model explains {vaf} of the {force} on data it has not seen."
+    shares = []
+    if np.all(np.isfinite(estimate.vaf)):
+        shares.append(f"{_percents(estimate.vaf)} of the {force} on data it has not seen")
+    if np.all(np.isfinite(estimate.vaf_reference)):
+        caused = f"what the perturbation caused of the {force}"
+        shares.append(f"<b>{_percents(estimate.vaf_reference)}</b> of {caused}")
+    if not shares:
+        return "No data were held out to test the model."
+    words = f"The model explains {', and '.join(shares)}."
+    if len(shares) == 2 and np.min(estimate.vaf_reference) >= 90.0:
+        words += " What is left is mostly what the human did besides, and noise."
+    return words
+
+
+def _percents(values: Any) -> str:
+    # Never 100 % of a measured force: near it a decimal is shown.
+    return " and ".join(
+        f"{value:.{1 if value > 99 else 0}f} %" for value in np.atleast_1d(values)
+    )
 
 
 def _misled(estimate: Any) -> list[str]:
@@ -308,9 +349,19 @@ def _warnings(estimate: Any) -> str:
     sentences = [*estimate.warnings, *_misled(estimate)]
     if not sentences:
         return ""
-    lines = "".join(f"<p>{escape(str(sentence))}</p>" for sentence in sentences)
+    lines = "".join(f"<p>{_with_symbols(estimate, str(sentence))}</p>" for sentence in sentences)
     word = "Warning" if len(sentences) == 1 else "Warnings"
     return f'<section class="warn"><p><b>{word}</b></p>{lines}</section>'
+
+
+def _with_symbols(estimate: Any, sentence: str) -> str:
+    """A sentence as HTML in which ``k_yy`` and its like have an index."""
+    text = escape(sentence)
+    for matrix in ("M", "B", "K"):
+        for entry in plot.entry_names(estimate, matrix):
+            if "_" in entry:
+                text = re.sub(rf"(?<!\w){re.escape(escape(entry))}(?!\w)", _symbol(entry), text)
+    return text
 
 
 def _symbol(name: str) -> str:
@@ -345,9 +396,12 @@ def _parameters(estimate: Any) -> str:
                 f"{number(low[i], spread[i])} to {number(high[i], spread[i])}",
                 escape(unit),
             ]
+            if spread[i] == 0.0 and np.isfinite(value[i]):
+                cells[:3] = [held(value[i]), "–", "–"]
             if squares is not None:
                 other = factor * np.ravel(getattr(squares, name))
-                cells.append(f'<span class="soft">{number(other[i], spread[i])}</span>')
+                shown = cells[0] if spread[i] == 0.0 else number(other[i], spread[i])
+                cells.append(f'<span class="soft">{shown}</span>')
             title = f"{_NAMES[name]} " if i == 0 else ""
             first = ' class="first"' if i == 0 and name != "M" else ""
             rows.append(
@@ -374,8 +428,51 @@ def _fit_words(estimate: Any) -> str:
         pair = None if intervals is None else np.asarray(intervals)[:, i]
         along = f" along {escape(axes[i])}" if estimate.n > 1 else ""
         parts.append(f"{value_and_interval(float(value), pair)} %{along}")
-    words += "Variance accounted for on held-out data: " + ", ".join(parts) + "."
-    return f"<p>{words}</p>"
+    if np.all(np.isfinite(estimate.vaf)):
+        words += "Variance accounted for on held-out data: " + ", ".join(parts) + ". "
+    if np.all(np.isfinite(estimate.vaf_reference)):
+        parts = [
+            f"{value:.1f} %" + (f" along {escape(name)}" if estimate.n > 1 else "")
+            for name, value in zip(axes, np.atleast_1d(estimate.vaf_reference), strict=True)
+        ]
+        words += "Of what the perturbation caused: " + ", ".join(parts) + "."
+    return f"<p>{words.rstrip()}</p>"
+
+
+def _trials(estimate: Any) -> str:
+    """Mean and standard error over trials that were fitted one by one."""
+    if estimate.trials is None:
+        return ""
+    rows, at = [], 0
+    for name in ("M", "B", "K", "x0"):
+        factor, unit = 1.0, plot.unit_of(estimate, name)
+        if name == "x0" and not estimate.rotational:
+            factor, unit = 1e3, "mm"
+        for i, entry in enumerate(plot.entry_names(estimate, name)):
+            mean, error = (
+                factor * float(np.ravel(side)[at])
+                for side in (estimate.trial_mean, estimate.trial_se)
+            )
+            told = f"{number(mean, error)} ± {number(error, error)}"
+            each = ", ".join(number(factor * float(trial[at]), error) for trial in estimate.trials)
+            if estimate.cov[at, at] == 0.0 and error == 0.0:
+                told, each = held(mean), "–"
+            title = f"{_NAMES[name]} " if i == 0 else ""
+            first = ' class="first"' if i == 0 and name != "M" else ""
+            rows.append(
+                f"<tr{first}><th scope=row>{title}{_symbol(entry)}</th><td>{told}</td>"
+                f'<td class="words soft">{each}</td><td>{escape(unit)}</td></tr>'
+            )
+            at += 1
+    count = len(estimate.trials)
+    return (
+        f'<h2>Over {count} trials</h2><div class="scroll"><table><thead><tr>'
+        "<th scope=col>Parameter</th><th scope=col>Mean ± standard error</th>"
+        "<th scope=col>Each trial</th><th scope=col>Unit</th></tr></thead><tbody>"
+        + "".join(rows)
+        + "</tbody></table></div><p class=soft>Every trial fitted on its own; the standard error is "
+        "that of the mean over trials.</p>"
+    )
 
 
 def _definition(pairs: list[tuple[str, str]]) -> str:
@@ -396,6 +493,8 @@ def _passivity(estimate: Any, verdict: Any) -> str:
             continue
         word = "Excess" if value >= 0 else "Shortage"
         text = value_and_interval(float(value), getattr(verdict, name + "_interval", None))
+        if name == "eop" and not np.any(estimate.B) and not np.any(estimate.B_se):
+            text = held(0.0)
         pairs.append((f"{word} {label}", f"{text} {unit}"))
     intervals = {"M": verdict.m_min_interval, "K": verdict.k_min_interval}
     for name, interval in intervals.items():
@@ -410,10 +509,11 @@ def _passivity(estimate: Any, verdict: Any) -> str:
     ]
     if estimate.n > 1 and asymmetry:
         pairs.append(("Antisymmetric part", ", ".join(asymmetry)))
-    energy = np.asarray(verdict.energy_j, dtype=float)
-    if energy.size:
-        total = f"{energy[-1]:.3g}".replace("-", "−")
-        pairs.append(("Energy absorbed", f"{total} J over the record"))
+    ends = [float(absorbed[-1]) for _, absorbed, _ in verdict.series if len(absorbed)]
+    if ends:
+        total = f"{sum(ends):.3g}".replace("-", "−")
+        over = "the record" if len(ends) == 1 else f"{len(ends)} trials"
+        pairs.append(("Energy absorbed", f"{total} J over {over}"))
     return _definition(pairs)
 
 
@@ -423,6 +523,12 @@ def _ellipses(estimate: Any) -> str:
     rows = []
     for name, shape in estimate.ellipses().items():
         unit = escape(plot.unit_of(estimate, name))
+        if not np.any(getattr(estimate, name)) and not np.any(getattr(estimate, name + "_se")):
+            rows.append(
+                f"<tr><th scope=row>{_NAMES[name]} ({unit})</th><td>{held(0.0)}</td>"
+                f"<td>{held(0.0)}</td><td>undefined</td><td>undefined</td></tr>"
+            )
+            continue
 
         def told(field: str, shape: Any = shape) -> str:
             value = float(getattr(shape, field))
@@ -436,7 +542,7 @@ def _ellipses(estimate: Any) -> str:
         angle = f"{told('angle_deg')}°" if getattr(shape, "angle_defined", True) else "undefined"
         rows.append(
             f"<tr><th scope=row>{_NAMES[name]} ({unit})</th><td>{told('major')}</td>"
-            f"<td>{told('minor')}</td><td>{told('shape')}</td><td>{angle}</td></tr>"
+            f"<td>{told('minor')}</td><td>{_shape_words(shape)}</td><td>{angle}</td></tr>"
         )
     return (
         '<h2>Ellipses</h2><div class="scroll"><table class="dense"><thead><tr>'
@@ -445,6 +551,16 @@ def _ellipses(estimate: Any) -> str:
         "<th scope=col>Angle to x</th></tr></thead><tbody>" + "".join(rows) + "</tbody></table>"
         "</div><p class=soft>Values with 95 % intervals. Shape is major over minor.</p>"
     )
+
+
+def _shape_words(shape: Any) -> str:
+    value = float(shape.shape)
+    if not np.isfinite(value):
+        return "undefined"
+    low, high = (float(side) for side in shape.minor_interval)
+    if low <= 0.0 <= high:  # the denominator may be zero
+        return f"{value:.3g} [unbounded]"
+    return value_and_interval(value, shape.shape_interval)
 
 
 def _figure(picture: plot.Picture) -> str:
@@ -482,7 +598,8 @@ def _method(estimate: Any, command: str | None) -> str:
     pairs.append(("Seen in the data", _list(found)))
     if command:
         pairs.append(("Command", f"<code>{escape(command)}</code>"))
-    pairs.append(("Notes", _list(estimate.notes)))
+    notes = "".join(f"<li>{_with_symbols(estimate, str(note))}</li>" for note in estimate.notes)
+    pairs.append(("Notes", f"<ol>{notes}</ol>" if notes else ""))
     return _definition(pairs)
 
 
