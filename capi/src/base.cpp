@@ -14,7 +14,7 @@ namespace {
 thread_local ulna_error last_error = {};
 
 template <std::size_t N>
-void copy_text(char (&out)[N], const std::string& text) noexcept {
+void copy_text(char (&out)[N], std::string_view text) noexcept {
   std::size_t size = std::min(text.size(), N - 1);
   // Never cut in the middle of a UTF-8 sequence.
   if (size < text.size()) {
@@ -52,8 +52,8 @@ ulna_status status_of(Fault fault) noexcept {
 
 }  // namespace
 
-ulna_status set_last_error(Fault fault, const std::string& argument, const std::string& message,
-                           const std::string& detail) noexcept {
+ulna_status set_last_error(Fault fault, std::string_view argument, std::string_view message,
+                           std::string_view detail) noexcept {
   last_error.struct_size = sizeof last_error;
   last_error.status = status_of(fault);
   copy_text(last_error.argument, argument);

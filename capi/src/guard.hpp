@@ -7,6 +7,7 @@
 #include <cstring>
 #include <functional>
 #include <string>
+#include <string_view>
 #include <type_traits>
 
 #include "base/error.hpp"
@@ -14,8 +15,8 @@
 
 namespace ulna::capi {
 
-ulna_status set_last_error(Fault fault, const std::string& argument, const std::string& message,
-                           const std::string& detail) noexcept;
+ulna_status set_last_error(Fault fault, std::string_view argument, std::string_view message,
+                           std::string_view detail) noexcept;
 ulna_status set_last_error_from_current_exception() noexcept;
 
 template <class Body>

@@ -78,12 +78,12 @@ ulna_passivity_info verdict_struct(const Verdict& v) {
 }  // namespace
 
 ulna_status ulna_passivity_assess(const ulna_impedance* impedance,
-                                  const ulna_passivity_options* options,
+                                  const ulna_passivity_options* options, ulna_token* token,
                                   ulna_passivity** out_passivity) {
   return guarded([&] {
     ulna_passivity*& out = deref(out_passivity, "out_passivity");
-    auto handle = std::make_unique<ulna_passivity>(ulna_passivity{
-        assess_passivity(deref(impedance, "impedance").estimate, verdict_options(options))});
+    auto handle = std::make_unique<ulna_passivity>(ulna_passivity{assess_passivity(
+        deref(impedance, "impedance").estimate, verdict_options(options), token_of(token))});
     out = handle.release();
   });
 }

@@ -156,7 +156,7 @@ static int print_passivity(const ulna_impedance *impedance) {
   int64_t size = 0;
   int good = 0;
   info.struct_size = sizeof info;
-  if (ulna_passivity_assess(impedance, NULL, &passivity) != ULNA_OK) return 0;
+  if (ulna_passivity_assess(impedance, NULL, NULL, &passivity) != ULNA_OK) return 0;
   good = ulna_passivity_get_info(passivity, &info) == ULNA_OK &&
          ulna_passivity_get_text(passivity, ULNA_PASSIVITY_TEXT_REASON, reason, sizeof reason,
                                  &size) == ULNA_OK;

@@ -11,7 +11,8 @@ namespace ulna {
 void parallel_for(std::ptrdiff_t count, int threads,
                   const std::function<void(std::ptrdiff_t)>& task, Token* token) {
   if (count <= 0) return;
-  if (threads <= 0) threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  const int processors = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  threads = threads <= 0 ? processors : std::min(threads, 8 * processors);
   threads = static_cast<int>(std::min<std::ptrdiff_t>(threads, count));
 
   std::atomic<std::ptrdiff_t> next{0};

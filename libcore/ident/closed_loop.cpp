@@ -169,6 +169,8 @@ DifferenceTest difference_test(const Fit& instrumental, const Fit& least_squares
 
 namespace {
 
+constexpr Index kMostLagRows = 200000;  // enough for any check, and a bound on memory
+
 // Newey-West variance of the last coefficient of a just- or over-identified regression, by the
 // scores of that coefficient alone.
 double bartlett_variance(const Vector& score, Index lag) {
@@ -188,7 +190,8 @@ LagCheck check_lag(const Prepared& prepared, const std::vector<Span>& spans, Est
   const double rate = prepared.report.rate_hz;
   const double band = prepared.report.lowpass_hz > 0.0 ? prepared.report.lowpass_hz : 0.1 * rate;
   // The signals hold nothing above a few times the low pass: ten samples a period of it carry all.
-  const Index stride = std::max<Index>(1, static_cast<Index>(rate / (10.0 * band)));
+  const Index stride = std::max<Index>(
+      {1, static_cast<Index>(rate / (10.0 * band)), row_count(spans) / kMostLagRows});
   const Design design(prepared, 0.0, spans);
   const Index n = design.axes();
   const Index m = static_cast<Index>(prepared.roles.reference.size());
@@ -201,7 +204,7 @@ LagCheck check_lag(const Prepared& prepared, const std::vector<Span>& spans, Est
     rows += std::max<Index>(0, (span.end - span.begin - 3) / stride + 1);
   if (rows < 4 * (p + 1 + q)) return out;
 
-  // Third derivatives of force and reference by central differences of the filtered signals.
+  // F' and the reference's third derivative by central differences of the filtered signals.
   Matrix regressors(rows, p);
   Matrix instruments(rows, q);
   Matrix outputs(rows, n);
@@ -230,8 +233,9 @@ LagCheck check_lag(const Prepared& prepared, const std::vector<Span>& spans, Est
   };
   Matrix basis;  // orthonormal columns that span the instruments
   if (instrumental) {
-    const Matrix z = scaled(instruments);
-    basis = Eigen::HouseholderQR<Matrix>(z).householderQ() * Matrix::Identity(rows, q);
+    Eigen::ColPivHouseholderQR<Matrix> independent(scaled(instruments));
+    independent.setThreshold(1e-6);
+    basis = independent.householderQ() * Matrix::Identity(rows, independent.rank());
   }
   const auto project = [&](const Matrix& columns) {
     return instrumental ? Matrix(basis * (basis.transpose() * columns)) : columns;

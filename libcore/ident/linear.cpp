@@ -45,11 +45,8 @@ void for_blocks(const std::vector<Span>& spans, Token* token, Visit visit) {
   }
 }
 
-// Regressors and outputs as the estimator sees them: least squares uses all rows of the factor, the
-// instrumental estimator only the part that the instruments span.
-Index rows_seen(const Factor& factor, Estimator estimator) {
-  return estimator == Estimator::kInstrumental ? factor.q : factor.q + factor.p;
-}
+// Instruments that hold less than this share of the largest direction are copies of each other.
+constexpr double kInstrumentRank = 1e-6;
 
 }  // namespace
 
@@ -94,16 +91,40 @@ Factor factor_of_gram(const Matrix& gram, Index q, Index p, Index n, Index rows)
 }
 
 Fit solve(const Factor& factor, const Matrix& transform, Estimator estimator) {
-  const Index seen = rows_seen(factor, estimator);
   const Index p = factor.p;
   const Index n = factor.n;
   const Index k = transform.cols();
-  const Matrix a = factor.r.block(0, factor.q, seen, p);
-  const Matrix y = factor.r.block(0, factor.q + p, seen, n);
+  const bool instrumental = estimator == Estimator::kInstrumental;
+  // Least squares sees every row of the factor; the instrumental estimator what the instruments
+  // span.
+  Matrix span;    // orthonormal, in the coordinates of the instruments' own factor
+  Matrix invert;  // instruments times this are that basis
+  if (instrumental) {
+    const Matrix z = factor.r.topLeftCorner(factor.q, factor.q).triangularView<Eigen::Upper>();
+    const Vector norms = z.colwise().norm().transpose().cwiseMax(1e-300);
+    const Eigen::JacobiSVD<Matrix> svd(z * norms.cwiseInverse().asDiagonal(),
+                                       Eigen::ComputeThinU | Eigen::ComputeThinV);
+    Index rank = 0;
+    while (rank < factor.q &&
+           svd.singularValues()[rank] > kInstrumentRank * svd.singularValues()[0]) {
+      ++rank;
+    }
+    span = svd.matrixU().leftCols(rank);
+    invert = norms.cwiseInverse().asDiagonal() * svd.matrixV().leftCols(rank) *
+             svd.singularValues().head(rank).cwiseInverse().asDiagonal();
+  }
+  const auto project = [&](Index first, Index width) -> Matrix {
+    if (!instrumental) return factor.r.block(0, first, factor.q + p, width);
+    return span.transpose() * factor.r.block(0, first, factor.q, width);
+  };
+  const Matrix a = project(factor.q, p);
+  const Matrix y = project(factor.q + p, n);
+  const Index seen = a.rows();
 
   // One stacked problem over all outputs: (I (x) a) T eta = vec(y).
-  Matrix stacked(seen * n, k);
-  Vector right(seen * n);
+  // Fewer equations than unknowns leave rows of zeros, and with them a condition without end.
+  Matrix stacked = Matrix::Zero(std::max(seen * n, k), k);
+  Vector right = Vector::Zero(stacked.rows());
   for (Index i = 0; i < n; ++i) {
     stacked.middleRows(i * seen, seen).noalias() = a * transform.middleRows(i * p, p);
     right.segment(i * seen, seen) = y.col(i);
@@ -118,16 +139,12 @@ Fit solve(const Factor& factor, const Matrix& transform, Estimator estimator) {
   fit.transform = transform;
   const Eigen::JacobiSVD<Matrix> svd(unit, Eigen::ComputeThinV);
   const Vector& s = svd.singularValues();
-  fit.condition = s[k - 1] > 0.0 && !empty_column ? s[0] / s[k - 1] : kInfinity;
+  fit.condition = s[k - 1] > 1e-14 * s[0] && !empty_column ? s[0] / s[k - 1] : kInfinity;
   fit.weakest = svd.matrixV().col(k - 1);
   const Vector eta = norms.cwiseInverse().cwiseProduct(unit.householderQr().solve(right));
   fit.theta = (transform * eta).reshaped(p, n);
   fit.information = stacked.transpose() * stacked;
-  if (estimator == Estimator::kInstrumental) {
-    fit.weights = factor.r.topLeftCorner(factor.q, factor.q)
-                      .triangularView<Eigen::Upper>()
-                      .solve(factor.r.block(0, factor.q, factor.q, p));
-  }
+  if (instrumental) fit.weights = invert * a;
   return fit;
 }
 
@@ -266,13 +283,16 @@ Matrix newey_west(const Design& design, const std::vector<Span>& spans,
     if (trials.empty() || trials.back().back().trial != span.trial) trials.emplace_back();
     trials.back().push_back(span);
   }
-  std::vector<Matrix> grams(trials.size());
-  parallel_for(static_cast<std::ptrdiff_t>(trials.size()), threads, [&](std::ptrdiff_t i) {
-    const auto t = static_cast<std::size_t>(i);
-    grams[t] = score_gram(design, trials[t], fits, window, stride, token);
-  });
+  std::vector<Matrix> grams(std::min<std::size_t>(trials.size(), 64));  // a few at a time
   Matrix meat = Matrix::Zero(width, width);
-  for (const Matrix& gram : grams) meat += gram / static_cast<double>(window);
+  for (std::size_t first = 0; first < trials.size(); first += grams.size()) {
+    const std::size_t count = std::min(grams.size(), trials.size() - first);
+    parallel_for(static_cast<std::ptrdiff_t>(count), threads, [&](std::ptrdiff_t i) {
+      const auto t = static_cast<std::size_t>(i);
+      grams[t] = score_gram(design, trials[first + t], fits, window, stride, token);
+    });
+    for (std::size_t t = 0; t < count; ++t) meat += grams[t] / static_cast<double>(window);
+  }
 
   // Parameters move by T information^-1 T' times the scores.
   Matrix bread = Matrix::Zero(width, width);

@@ -40,7 +40,8 @@ struct Fit {
   Vector weakest;  // unit direction of k parameters (in unit columns) the data determine least
 };
 
-// Throws nothing for a rank-deficient problem: `condition` is then infinite and theta not finite.
+// Throws nothing for a rank-deficient problem, instruments that are copies of each other included:
+// `condition` is then infinite and theta means nothing.
 Fit solve(const Factor& factor, const Matrix& transform, Estimator estimator);
 
 // Newey-West covariance of the parameters of several fits to the same spans, stacked: vec(theta_1),

@@ -25,6 +25,7 @@ constexpr int kDefaultLowpassOrder = 5;
 // The filters take rows as equidistant; a step that strays by less than this changes nothing
 // visible.
 constexpr double kClockTolerance = 0.02;
+constexpr double kLargestValue = 1e12;  // in SI: nothing at an arm comes near it
 
 std::string seconds(double value) {
   std::ostringstream text;
@@ -33,28 +34,26 @@ std::string seconds(double value) {
   return text.str();
 }
 
+// A gap comes before jitter: a record with both has to be split before it can be regularised.
 void require_uniform(const Record& record) {
   const double step = 1.0 / record.rate_hz();
-  for (const Trial& trial : record.trials()) {
-    for (Index row = trial.begin + 1; row < trial.end; ++row) {
-      const auto r = static_cast<std::size_t>(row);
-      const double ratio = (record.time()[r] - record.time()[r - 1]) / step;
-      if (std::abs(ratio - 1.0) <= kClockTolerance) continue;
-      const std::string where =
-          "row " + std::to_string(row) + " (" + seconds(record.time()[r]) + ")";
-      if (ratio > 1.5) {
+  const auto refuse_beyond = [&](double least, double most, const char* what, const char* advice) {
+    for (const Trial& trial : record.trials()) {
+      for (Index row = trial.begin + 1; row < trial.end; ++row) {
+        const auto r = static_cast<std::size_t>(row);
+        const double ratio = (record.time()[r] - record.time()[r - 1]) / step;
+        if (ratio >= least && ratio <= most) continue;
         throw Error(Fault::kData, "time",
-                    "samples are missing before " + where + ": a step of " + seconds(ratio * step) +
-                        " instead of " + seconds(step) + "; split the record there",
+                    std::string(what) + " before row " + std::to_string(row) + " (" +
+                        seconds(record.time()[r]) + "): a step of " + seconds(ratio * step) +
+                        " instead of " + seconds(step) + "; " + advice,
                     "row " + std::to_string(row));
       }
-      throw Error(Fault::kData, "time",
-                  "the time stamps jitter: the step before " + where + " is " +
-                      seconds(ratio * step) + " instead of " + seconds(step) +
-                      "; regularise the record first",
-                  "row " + std::to_string(row));
     }
-  }
+  };
+  refuse_beyond(0.0, 1.5, "samples are missing", "split the record there");
+  refuse_beyond(1.0 - kClockTolerance, 1.0 + kClockTolerance, "the time stamps jitter",
+                "regularise the record first");
 }
 
 void require_complete(const Record& record, const std::vector<Index>& channels) {
@@ -73,6 +72,13 @@ void require_complete(const Record& record, const std::vector<Index>& channels) 
                           (end - row == 1 ? " row" : " rows") + " from row " + std::to_string(row) +
                           "; split the record there or repair it",
                       "row " + std::to_string(row));
+        }
+        if (std::abs(value) > kLargestValue) {
+          std::ostringstream text;
+          text << "channel " << channel.name << " holds " << value << " " << channel.unit
+               << " at row " << row
+               << ", which is no physical value: repair it or split the record there";
+          throw Error(Fault::kData, channel.name, text.str(), "row " + std::to_string(row));
         }
         all_zero = all_zero && value == 0.0;
         constant = constant && value == record.values()(record.trials().front().begin, c);
@@ -193,7 +199,12 @@ Roles find_roles(const Record& record, const std::string& position, const std::s
                  const std::string& reference) {
   const auto pick = [&](const std::string& word, Role role, const char* argument) {
     try {
-      return word.empty() ? record.with_role(role) : record.resolve(word);
+      if (word.empty()) return record.with_role(role);
+      if (word.find(',') == std::string::npos) return record.resolve(word);
+      std::vector<Index> exact;
+      std::istringstream names(word);
+      for (std::string name; std::getline(names, name, ',');) exact.push_back(record.find(name));
+      return exact;
     } catch (const Error& error) {
       throw Error(error.fault(), argument, error.what(), error.detail());
     }
@@ -211,6 +222,16 @@ Roles find_roles(const Record& record, const std::string& position, const std::s
     }
   };
   need(!roles.position.empty(), "position", "no channel is known to be a position");
+  for (const Index c : roles.position) {
+    const auto is_also = [c](const std::vector<Index>& others) {
+      return std::find(others.begin(), others.end(), c) != others.end();
+    };
+    const std::string& name = record.channels()[static_cast<std::size_t>(c)].name;
+    need(!is_also(roles.force), "force", "channel " + name + " cannot be position and force");
+    need(!is_also(roles.reference), "reference",
+         "channel " + name +
+             " cannot be position and reference: the reference is what was commanded");
+  }
   need(!roles.force.empty(), "force", "no channel is known to be a force or torque");
   need(roles.position.size() == roles.force.size(), "force",
        "there are " + std::to_string(roles.position.size()) + " position and " +
@@ -257,7 +278,10 @@ double motion_band(const Record& record, const std::vector<Index>& channels, dou
 Prepared prepare(const Record& record, const Roles& roles, const PrepareOptions& options,
                  int threads, Token* token) {
   require(options.window >= 0, "window", "the window must not be negative");
-  require(options.order >= 0, "order", "the polynomial order must not be negative");
+  require(options.order >= 0 && options.order <= 100, "order",
+          "the polynomial order must be from 2 to 100");
+  require(options.lowpass_hz <= 0.0 || options.lowpass_hz >= 0.01, "lowpass_hz",
+          "a low pass below 0.01 Hz leaves nothing of a movement");
   require(options.lowpass_order >= 0 && options.lowpass_order <= 20, "lowpass_order",
           "the order of the low pass must be from 1 to 20");
   for (const Trial& trial : record.trials()) {

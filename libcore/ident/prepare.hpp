@@ -79,7 +79,8 @@ struct Prepared {
   std::vector<PreparedTrial> trials;
 };
 
-// Words as Record::resolve takes them; an empty word means the channels that have the role.
+// Words as Record::resolve takes them, or names with commas ("x," "x,y"), which mean exactly these;
+// an empty word means the channels that have the role.
 Roles find_roles(const Record& record, const std::string& position, const std::string& force,
                  const std::string& reference);
 

@@ -41,6 +41,8 @@ Record regularise(const Record& record, double rate_hz, Token* token) {
   for (Index c = 0; c < record.channel_count(); ++c) {
     if (record.channels()[static_cast<std::size_t>(c)].role != Role::kOther) smooth.push_back(c);
   }
+  require(rate <= 100.0 * record.rate_hz(), "rate_hz",
+          "the new rate may be at most a hundred times the record's");
   Record::Parts parts;
   std::vector<Index> rows;
   Index total = 0;

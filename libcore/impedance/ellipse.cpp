@@ -14,6 +14,7 @@ namespace ulna {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 // Eigenvalues closer than this share of the larger are equal to rounding.
 constexpr double kIsotropic = 1e-9;
 
@@ -35,7 +36,7 @@ Ellipse ellipse_of(const Matrix& z) {
   e.major = half_sum + radius;
   e.minor = half_sum - radius;
   e.area = kPi * e.major * e.minor;
-  e.shape = e.minor != 0.0 ? e.major / e.minor : kInfinity;
+  e.shape = e.minor > 0.0 ? e.major / e.minor : kNaN;
   e.angle_defined = radius > kIsotropic * std::max(std::abs(e.major), std::abs(e.minor));
   if (e.angle_defined) {
     e.angle_rad = 0.5 * std::atan2(shear, half_difference);

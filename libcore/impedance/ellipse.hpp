@@ -13,7 +13,7 @@ struct Ellipse {
   double major = 0.0;          // largest eigenvalue of the symmetric part
   double minor = 0.0;          // smallest
   double area = 0.0;           // pi major minor (3.15); not the area of an ellipse when minor < 0
-  double shape = 0.0;          // major / minor (3.16)
+  double shape = 0.0;          // major / minor (3.16); NaN unless minor > 0
   double angle_rad = 0.0;      // of the major axis to +x, in [0, pi)
   double antisymmetric = 0.0;  // k_a = (z_xy - z_yx) / 2
   double antisymmetry = 0.0;   // |k_a| / sqrt(minor major) (3.26); infinite when minor <= 0 < |k_a|

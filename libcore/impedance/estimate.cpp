@@ -24,6 +24,8 @@ constexpr double kDefaultTrainShare = 0.8;
 constexpr double kIllCondition = 200.0;
 constexpr double kBiasLevel = 0.01;
 constexpr double kLeastLagS = 1e-3;
+// A model that holds accounts for nearly all of the force that the perturbation caused.
+constexpr double kGoodReferenceVaf = 95.0;
 // Streams of random numbers of this analysis.
 constexpr std::uint64_t kDrawStream = 1u << 20;
 constexpr std::uint64_t kVafStream = 1u << 21;
@@ -73,10 +75,13 @@ Split split_rows(const Record& record, const Prepared& prepared, double train_s)
         add(s < first ? split.train : split.held_out, segments[s].begin, segments[s].end);
       }
     } else {
-      const double duration = static_cast<double>(rows.end - rows.begin) / rate;
-      const double wanted =
-          train_s > 0.0 ? train_s : std::min(kDefaultTrainS, kDefaultTrainShare * duration);
-      const Index border = rows.begin + static_cast<Index>(std::lround(wanted * rate));
+      // Time counts from the first row in use.
+      const Index first = segments.empty() ? rows.begin : segments.front().begin;
+      const Index last = segments.empty() ? rows.end : segments.back().end;
+      const double duration = static_cast<double>(last - first) / rate;
+      const double wanted = train_s > 0.0 ? std::min(train_s, duration)
+                                          : std::min(kDefaultTrainS, kDefaultTrainShare * duration);
+      const Index border = first + static_cast<Index>(std::lround(wanted * rate));
       for (const Segment& segment : segments) {
         add(split.train, segment.begin, std::min(segment.end, border));
         add(split.held_out, std::max(segment.begin, border), segment.end);
@@ -289,12 +294,15 @@ std::string unidentifiable(const Fit& fit, const std::vector<std::string>& axes)
 
 struct Solved {
   Fit fit;
+  Matrix unconstrained;  // theta without the semidefinite constraint
   bool constrained = false;
   bool converged = true;
 };
 
 Solved solve_structured(const Factor& factor, const Structure& structure, Estimator estimator) {
-  Solved out{solve(factor, structure_map(structure, factor.n), estimator), false, true};
+  Solved out;
+  out.fit = solve(factor, structure_map(structure, factor.n), estimator);
+  out.unconstrained = out.fit.theta;
   if (structure.model != Model::kPassive) return out;
   Fit& fit = out.fit;
   const Vector eta = (fit.transform.transpose() * fit.transform)
@@ -350,8 +358,10 @@ std::string bias_sentence(const DifferenceTest& test, const ImpedanceFit& iv,
 Matrix parameter_draws(const ImpedanceFit& fit) {
   if (fit.replicates.size() > 0) return fit.replicates;
   const Eigen::SelfAdjointEigenSolver<Matrix> eigen(fit.theta_covariance);
-  const Matrix root =
-      eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
+  Matrix root = eigen.eigenvectors() * eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
+  for (Index j = 0; j < root.rows(); ++j) {
+    if (fit.theta_covariance(j, j) == 0.0) root.row(j).setZero();  // fixed by the model
+  }
   Matrix out(fit.draw_count, natural_size(fit.theta.cols()));
   Vector normal(root.cols());
   for (Index i = 0; i < out.rows(); ++i) {
@@ -399,7 +409,7 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
           "at least 50 resamples are needed for standard errors");
 
   ImpedanceEstimate out;
-  const Roles roles = find_roles(record, options.position, options.force, options.reference);
+  Roles roles = find_roles(record, options.position, options.force, options.reference);
   const Index n = static_cast<Index>(roles.position.size());
   out.n = n;
   for (const Index c : roles.position)
@@ -410,10 +420,20 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
   out.structure = options.structure;
   out.payload_kg = options.payload_kg;
   const bool have_reference = roles.reference.size() >= roles.position.size();
+  const std::size_t references = roles.reference.size();
   require(options.estimator != EstimatorChoice::kInstrumental || have_reference, "estimator",
           "instrumental variables need a reference channel for every axis; the record has " +
-              std::to_string(roles.reference.size()) + " of " + std::to_string(n));
+              std::to_string(references) + " of " + std::to_string(n));
 
+  if (!have_reference && references > 0) {
+    roles.reference.clear();
+    out.fit.outcome |= kUnchecked;
+    out.warnings.push_back("The record holds a reference for " + std::to_string(references) +
+                           " of " + std::to_string(n) +
+                           " axes: without one for every axis, instrumental variables and the "
+                           "closed-loop check are not "
+                           "possible.");
+  }
   auto prepared =
       std::make_shared<Prepared>(prepare(record, roles, options.prepare, options.threads, token));
   out.prepared = prepared;
@@ -496,8 +516,11 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
   // Covariance of all estimators together: their difference is tested below.
   std::vector<const Fit*> fits;
   for (const Solved& s : solved) fits.push_back(&s.fit);
+  // Scores sum to zero over all rows: a lag near the length of a run would see no error at all.
+  Index longest_run = 0;
+  for (const Span& span : spans) longest_run = std::max(longest_run, span.end - span.begin);
   const Index hac_lag = static_cast<Index>(
-      std::min(std::round(options.hac_lag_s * rate), static_cast<double>(record.rows())));
+      std::min(std::round(options.hac_lag_s * rate), 0.5 * static_cast<double>(longest_run)));
   const Index each = parameters * n;
   // A record of T seconds smoothed to B Hz holds 2 B T independent values an axis, and the fit took
   // some of them.
@@ -529,7 +552,7 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
     const Vector& vaf = judged_vaf(fit);
     for (Index i = 0; i < n; ++i) {
       const double excused = fit.vaf_reference[i];  // NaN excuses nothing
-      if (vaf[i] < options.poor_vaf && !(excused >= options.poor_vaf)) fit.outcome |= kPoorFit;
+      if (vaf[i] < options.poor_vaf && !(excused >= kGoodReferenceVaf)) fit.outcome |= kPoorFit;
     }
     if (options.errors == ErrorModel::kBlockBootstrap) {
       const std::vector<Span> blocks =
@@ -570,6 +593,7 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
           const auto t = static_cast<std::size_t>(i);
           if (factors[t].rows < 10 * parameters) return;
           const Solved own = solve_structured(factors[t], options.structure, wanted[0]);
+          if (!(own.fit.condition <= options.condition_limit)) return;
           fits_of_trials[t] = {natural_of(own.fit.theta, position_mean), own.fit.condition};
         },
         token);
@@ -579,6 +603,12 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
       if (trial.natural.size() == 0) continue;
       table.row(used++) = trial.natural.transpose();
       out.trials.push_back(std::move(trial));
+    }
+    if (used < table.rows()) {
+      out.notes.push_back(
+          std::to_string(table.rows() - used) + " of " + std::to_string(table.rows()) +
+          " trials do not determine the parameters by themselves and are left out of "
+          "the mean over trials.");
     }
     if (used >= 2) {
       out.trial_mean = table.topRows(used).colwise().mean().transpose();
@@ -593,7 +623,9 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
 
   // ------------------------------------------------------------------------------- what to say of
   // it
+  const std::uint32_t before = out.fit.outcome;
   out.fit = std::move(results[0]);
+  out.fit.outcome |= before;
   for (const Finding& finding : findings) {
     const auto concerns = [&](const std::vector<Index>& channels) {
       return std::any_of(channels.begin(), channels.end(), [&](Index c) {
@@ -626,18 +658,28 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
       }
       joint = swap * covariance * swap.transpose();
     }
-    out.test = difference_test(solved[iv_first ? 0 : 1].fit, solved[iv_first ? 1 : 0].fit, joint);
+    // A constraint moves both estimates by itself: the test is about them without it.
+    std::vector<Fit> free{solved[0].fit, solved[1].fit};
+    for (std::size_t e = 0; e < 2; ++e) free[e].theta = solved[e].unconstrained;
+    out.test = difference_test(free[iv_first ? 0 : 1], free[iv_first ? 1 : 0], joint);
     if (out.test.p_value < kBiasLevel) {
       ls.outcome |= kClosedLoopBiased;
       (iv_first ? out.notes : out.warnings).push_back(bias_sentence(out.test, iv, ls, out.axes));
     }
-  } else if (!have_reference) {
+  } else if (!have_reference && references == 0) {
     out.fit.outcome |= kUnchecked;
+    std::vector<std::string> unused;
+    for (const Channel& channel : record.channels()) {
+      if (channel.role == Role::kOther) unused.push_back(channel.name);
+    }
     out.notes.push_back(
         "The log holds no reference (commanded perturbation), so it cannot be checked whether the "
         "human "
         "caused part of the motion; if so, least squares is biased towards minus the robot's "
-        "impedance.");
+        "impedance." +
+        (unused.empty() ? std::string()
+                        : " Not used: " + join(unused) +
+                              "; if one is the commanded motion, say so in a map."));
   }
   Index worst = 0;
   const double low = judged_vaf(out.fit).minCoeff(&worst);
@@ -645,9 +687,9 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
     out.notes.push_back(sentence(
         3, "The model accounts for ", low, " % of the held-out force along ",
         out.axes[static_cast<std::size_t>(worst)], ", but for ", out.fit.vaf_reference[worst],
-        " % of what the perturbation caused: the rest is the human's own force, not a defect of "
-        "the "
-        "model."));
+        " % of what the perturbation caused: the rest is force of the human's own, or comes from "
+        "motion "
+        "that the log does not hold."));
   }
   if ((out.fit.outcome & kPoorFit) != 0) {
     out.warnings.push_back(
@@ -667,9 +709,11 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
   if (negative_inertia) {
     out.fit.outcome |= kSuspectData;
     out.warnings.push_back(
-        "The inertia comes out negative, which no limb has: is the force the one by the robot on "
-        "the "
-        "human? Turn its sign in a map; here it must be the force by the human on the robot.");
+        "The inertia comes out negative, which no limb has: the force must be the one by the human "
+        "on the "
+        "robot (else turn its sign in a map), its axes those of the motion, and the payload no "
+        "more than "
+        "was moved.");
   }
   if ((out.fit.outcome & kIllConditioned) != 0) {
     out.warnings.push_back(sentence(3, "The estimate is ill-conditioned (condition number ",
@@ -682,9 +726,9 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
     out.warnings.push_back(sentence(
         3, "The force channel seems to be ", std::abs(out.lag.lag_s) * 1e3, " ms (standard error ",
         out.lag.standard_error_s * 1e3, " ms) ", out.lag.lag_s > 0 ? "later" : "earlier",
-        " than the position: a lag biases the damping by about minus the stiffness times the lag. "
-        "A model "
-        "that does not fit can look like a lag."));
+        " than the position: a lag t changes the damping by about t (M w^2 - K) at w rad/s. A "
+        "model that "
+        "does not fit can look like a lag."));
   }
   if ((out.fit.outcome & kNotFinite) != 0) {
     out.warnings.push_back(

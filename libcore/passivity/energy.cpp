@@ -13,6 +13,7 @@ namespace {
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 // Points of one block that its path is remembered by: E and D are smooth between them.
 constexpr Index kPointsPerBlock = 32;
+constexpr Index kLeastBlocks = 5;  // fewer say nothing about scatter
 
 }  // namespace
 
@@ -22,7 +23,7 @@ EnergySeries absorbed_energy(MatrixRef force, MatrixRef velocity, double rate_hz
   require(rate_hz > 0.0, "rate_hz", "the sampling rate must be positive");
   const Index rows = force.rows();
   const Index kept = rows == 0 ? 0 : (rows - 1 + stride - 1) / stride + 1;
-  EnergySeries out{Vector(kept), Vector(kept), Vector(kept)};
+  EnergySeries out{Vector(kept), Vector(kept), Vector(kept), {}};
   double energy = 0.0;
   double motion = 0.0;
   double last_power = 0.0;
@@ -67,54 +68,65 @@ EnergyIndex energy_index(const std::vector<EnergySeries>& trials, const std::vec
   return out;
 }
 
-std::vector<double> energy_index_bootstrap(const std::vector<EnergySeries>& trials, double beta_j,
+std::vector<double> energy_index_bootstrap(const std::vector<EnergySeries>& trials,
                                            double min_share, double block_s, Index count,
-                                           std::uint64_t seed) {
+                                           std::uint64_t seed, Token* token) {
   struct Block {
-    Vector energy, dissipation;  // increments from the block's start
+    Vector lost, moved;  // increments of E - V and D from the block's start
+    Vector stored;       // V
   };
-  std::vector<Block> blocks;
-  for (const EnergySeries& series : trials) {
+  const auto cut = [&](const EnergySeries& series) {
+    std::vector<Block> blocks;
     const Index rows = series.time_s.size();
-    if (rows < 2) continue;
-    const double duration = series.time_s[rows - 1];
-    const Index pieces = std::max<Index>(1, static_cast<Index>(duration / block_s));
+    if (rows <= kLeastBlocks) return blocks;
+    const double wanted =
+        std::min(series.time_s[rows - 1] / block_s, static_cast<double>(rows - 1));
+    const Index pieces = std::clamp(static_cast<Index>(wanted), kLeastBlocks, rows - 1);
+    const bool knows = series.stored_j.size() == rows;
+    const auto stored = [&](Index row) { return knows ? series.stored_j[row] : 0.0; };
     for (Index b = 0; b < pieces; ++b) {
       const Index begin = (rows - 1) * b / pieces;
       const Index end = (rows - 1) * (b + 1) / pieces;
       const Index points = std::min<Index>(kPointsPerBlock, end - begin);
-      Block block{Vector(points), Vector(points)};
+      Block block{Vector(points), Vector(points), Vector(points)};
       for (Index k = 0; k < points; ++k) {
         const Index row = begin + (end - begin) * (k + 1) / points;
-        block.energy[k] = series.energy_j[row] - series.energy_j[begin];
-        block.dissipation[k] = series.dissipation[row] - series.dissipation[begin];
+        block.stored[k] = stored(row);
+        block.lost[k] = series.energy_j[row] - series.energy_j[begin] - stored(row) + stored(begin);
+        block.moved[k] = series.dissipation[row] - series.dissipation[begin];
       }
       blocks.push_back(std::move(block));
     }
-  }
+    return blocks;
+  };
+  std::vector<std::vector<Block>> blocks;
+  for (const EnergySeries& series : trials) blocks.push_back(cut(series));
+
   std::vector<double> out;
-  if (blocks.size() < 5) return out;
-  std::vector<std::size_t> order(blocks.size());
-  for (Index r = 0; r < count; ++r) {
-    Random random(seed, static_cast<std::uint64_t>(r));
-    double total = 0.0;
-    for (std::size_t& drawn : order) {
-      drawn = static_cast<std::size_t>(random.below(static_cast<std::int64_t>(blocks.size())));
-      total += blocks[drawn].dissipation.tail(1)[0];
-    }
-    double energy = 0.0;
-    double moved = 0.0;
+  for (Index replicate = 0; replicate < count; ++replicate) {
+    step(token, static_cast<double>(replicate) / static_cast<double>(count));
+    Random random(seed, static_cast<std::uint64_t>(replicate));
     double delta = std::numeric_limits<double>::infinity();
-    for (const std::size_t drawn : order) {
-      const Block& block = blocks[drawn];
-      for (Index k = 0; k < block.energy.size(); ++k) {
-        const double d = moved + block.dissipation[k];
-        if (d > 0.0 && d >= min_share * total) {
-          delta = std::min(delta, (energy + block.energy[k] - beta_j) / d);
-        }
+    for (std::size_t t = 0; t < trials.size(); ++t) {
+      std::vector<const Block*> order(blocks[t].size());
+      double total = 0.0;
+      for (const Block*& drawn : order) {
+        const auto size = static_cast<std::int64_t>(blocks[t].size());
+        drawn = &blocks[t][static_cast<std::size_t>(random.below(size))];
+        total += drawn->moved.tail(1)[0];
       }
-      energy += block.energy.tail(1)[0];
-      moved += block.dissipation.tail(1)[0];
+      double lost = 0.0;
+      double moved = 0.0;
+      for (const Block* block : order) {
+        for (Index k = 0; k < block->lost.size(); ++k) {
+          const double d = moved + block->moved[k];
+          if (d > 0.0 && d >= min_share * total) {
+            delta = std::min(delta, (lost + block->lost[k] + block->stored[k]) / d);
+          }
+        }
+        lost += block->lost.tail(1)[0];
+        moved += block->moved.tail(1)[0];
+      }
     }
     if (std::isfinite(delta)) out.push_back(delta);
   }

@@ -5,6 +5,7 @@
 
 #include <vector>
 
+#include "base/token.hpp"
 #include "base/types.hpp"
 
 namespace ulna {
@@ -13,6 +14,7 @@ struct EnergySeries {
   Vector time_s;
   Vector energy_j;     // E(t) = -integral of F_h . x' dt: absorbed by the arm, trapezoidal
   Vector dissipation;  // D(t) = integral of x' . x' dt
+  Vector stored_j;     // V(t) held by spring and mass where a model knows it; else empty
 };
 
 // force: by the human on the robot; velocity of the hand; rows x n, one trial at rate_hz. Every row
@@ -32,10 +34,13 @@ EnergyIndex energy_index(const EnergySeries& series, double beta_j, double min_s
 EnergyIndex energy_index(const std::vector<EnergySeries>& trials, const std::vector<double>& beta_j,
                          double min_share);
 
-// The index of `count` records made of blocks drawn with replacement: block r of the series keeps
-// its increments of E and D. beta applies to the start of every replicate (its smallest value).
-std::vector<double> energy_index_bootstrap(const std::vector<EnergySeries>& trials, double beta_j,
+// The same index of `count` sets of trials, each made of blocks of its own trial drawn with
+// replacement. A block keeps its increments of D and of what was absorbed and not stored, E - V:
+// the stored part comes and goes and would pile up in blocks out of order, so it is added where it
+// stands. beta is minus the stored energy at the start. Blocks last block_s, or a fifth of a trial
+// where that is shorter. Empty when nothing moved.
+std::vector<double> energy_index_bootstrap(const std::vector<EnergySeries>& trials,
                                            double min_share, double block_s, Index count,
-                                           std::uint64_t seed);
+                                           std::uint64_t seed, Token* token = nullptr);
 
 }  // namespace ulna

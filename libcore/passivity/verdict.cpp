@@ -1,5 +1,6 @@
 #include "passivity/verdict.hpp"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -74,13 +75,31 @@ ModelDraws draw_model(const ImpedanceEstimate& estimate, const ModelMargins& bes
   return out;
 }
 
-// Energy the identified spring and mass hold at a prepared row; not below zero.
-double stored_energy(const ImpedanceEstimate& estimate, const PreparedTrial& trial) {
+// Energy that the identified spring, the mass and the payload hold at every stride-th row and the
+// last; zero where M or K would store less than nothing, which says that the model cannot tell.
+Vector stored_energy(const ImpedanceEstimate& estimate, const PreparedTrial& trial, Index stride,
+                     Index kept) {
   const ImpedanceFit& fit = estimate.fit;
-  if (!fit.x0.allFinite()) return 0.0;
-  const Vector offset = trial.position().row(0).transpose() - fit.x0;
-  const Vector velocity = trial.velocity().row(0).transpose();
-  return std::max(0.0, 0.5 * offset.dot(fit.k * offset) + 0.5 * velocity.dot(fit.m * velocity));
+  const Index n = estimate.n;
+  const Matrix mass =
+      0.5 * (fit.m + fit.m.transpose()) + estimate.payload_kg * Matrix::Identity(n, n);
+  const Matrix spring = 0.5 * (fit.k + fit.k.transpose());
+  const auto holds = [](const Matrix& matrix) {
+    return Eigen::SelfAdjointEigenSolver<Matrix>(matrix, Eigen::EigenvaluesOnly).eigenvalues()[0] >=
+           0.0;
+  };
+  const bool kinetic = holds(mass);
+  const bool elastic = fit.x0.allFinite() && holds(spring);
+  Vector out = Vector::Zero(kept);
+  for (Index i = 0; i < kept; ++i) {
+    const Index row = std::min(i * stride, trial.rows() - 1);
+    const Vector velocity = trial.velocity().row(row).transpose();
+    if (kinetic) out[i] += 0.5 * velocity.dot(mass * velocity);
+    if (!elastic) continue;
+    const Vector offset = trial.position().row(row).transpose() - fit.x0;
+    out[i] += 0.5 * offset.dot(spring * offset);
+  }
+  return out;
 }
 
 Answer decide(double probability, double level) {
@@ -101,12 +120,11 @@ const char* word(Answer answer) {
   return "undecided";
 }
 
-// How much longer the record must be for the margin to leave zero, when it is the weakest link.
-std::string what_would_change(const ImpedanceEstimate& estimate, const Verdict& verdict) {
+// The weakest margin, and how much more data would settle its sign.
+std::string what_would_change(const Verdict& verdict) {
   if (verdict.approach == Approach::kEnergy) {
     return "A model that describes the recording (more of the force accounted for) would let the "
-           "verdict "
-           "rest on the impedance; the energy verdict holds for this perturbation only.";
+           "verdict rest on the impedance; the energy verdict holds for this perturbation only.";
   }
   struct Margin {
     const char* name;
@@ -116,41 +134,47 @@ std::string what_would_change(const ImpedanceEstimate& estimate, const Verdict& 
   const Margin margins[] = {{"inertia", verdict.model.m_min, verdict.m_min_interval},
                             {"damping", verdict.model.b_min, verdict.excess_interval},
                             {"stiffness", verdict.model.k_min, verdict.k_min_interval}};
-  const Margin* weakest = &margins[0];
-  const auto distance = [](const Margin& margin) {
-    return margin.value / std::max(margin.interval[1] - margin.interval[0], 1e-300);
-  };
+  const auto width = [](const Margin& margin) { return margin.interval[1] - margin.interval[0]; };
+  const Margin* weakest = nullptr;  // a margin without scatter is fixed by the model
   for (const Margin& margin : margins) {
-    if (distance(margin) < distance(*weakest)) weakest = &margin;
+    if (!(width(margin) > 0.0)) continue;
+    if (weakest == nullptr || margin.value / width(margin) < weakest->value / width(*weakest)) {
+      weakest = &margin;
+    }
   }
-  if (!verdict.model.k_symmetric || !verdict.model.m_symmetric) {
-    return sentence(
-        "An antisymmetric part of ", verdict.model.k_symmetric ? "M" : "K",
-        " below the threshold would: repeat the trial to see whether it is a property of the "
-        "arm or an error of the measurement.");
+  if (weakest == nullptr)
+    return "The parameters have no uncertainty: nothing in this record would.";
+  const std::string eigenvalue =
+      sentence("the smallest ", weakest->name, " eigenvalue, ", weakest->value, " (",
+               weakest->interval[0], " to ", weakest->interval[1], ")");
+  const bool settled = weakest->interval[0] > 0.0 || weakest->interval[1] < 0.0;
+  if (settled && weakest->value > 0.0 && (!verdict.k_dropped || !verdict.m_dropped)) {
+    return sentence("An antisymmetric part of ", verdict.k_dropped ? "M" : "K",
+                    " below the threshold would: repeat the trial to see whether it is a property "
+                    "of the arm or an error of the measurement.");
   }
-  const double width = weakest->interval[1] - weakest->interval[0];
-  if (verdict.answer == Answer::kUndecided) {
-    const double factor = std::pow(0.5 * width / std::max(std::abs(weakest->value), 1e-300), 2.0);
-    return sentence("The smallest ", weakest->name, " eigenvalue, ", weakest->value, " (95 % ",
-                    weakest->interval[0], " to ", weakest->interval[1],
-                    "), is what leaves it open; about ", std::max(1.5, std::min(factor, 1000.0)),
-                    " times as much data of this kind would settle its sign.");
+  if (settled) {
+    return sentence("The closest margin is ", eigenvalue,
+                    ": the model's answer changes only if that changes sign.");
   }
-  (void)estimate;
-  return sentence("The closest margin is the smallest ", weakest->name, " eigenvalue, ",
-                  weakest->value, " (95 % ", weakest->interval[0], " to ", weakest->interval[1],
-                  "): the verdict changes only if that changes sign.");
+  const double factor =
+      std::pow(0.5 * width(*weakest) / std::max(std::abs(weakest->value), 1e-300), 2.0);
+  return sentence("It depends most on ", eigenvalue, "; about ", std::clamp(factor, 1.5, 1000.0),
+                  " times as much data of this kind would settle its sign.");
 }
 
 }  // namespace
 
-Verdict assess_passivity(const ImpedanceEstimate& estimate, const VerdictOptions& options) {
+Verdict assess_passivity(const ImpedanceEstimate& estimate, const VerdictOptions& options,
+                         Token* token) {
   require(options.level > 0.5 && options.level < 1.0, "level",
           "the level must lie between 0.5 and 1");
   require(options.min_share >= 0.0 && options.min_share < 1.0, "min_share",
           "the share of the motion must be at least 0 and below 1");
-  require(options.block_s > 0.0, "block_s", "the block length must be positive");
+  require(std::isfinite(options.block_s) && options.block_s > 0.0, "block_s",
+          "the block length must be positive");
+  require(options.bootstrap >= 50 && options.bootstrap <= 10'000'000, "bootstrap",
+          "the number of resamples must be from 50 to ten million");
   Verdict out;
   const ImpedanceFit& fit = estimate.fit;
   out.model = model_passivity(fit.m, fit.b, fit.k, options.antisymmetry_threshold);
@@ -160,7 +184,7 @@ Verdict assess_passivity(const ImpedanceEstimate& estimate, const VerdictOptions
   out.k_dropped = out.model.k_symmetric || !antisymmetry_is_real(parameters, 2 * n * n, n);
   const ModelDraws draws =
       draw_model(estimate, out.model, parameters, out.m_dropped && out.k_dropped);
-  out.model_probability = draws.probability;
+  out.model_probability = fit.constrained ? kNaN : draws.probability;
   interval(draws.b_min, options.level, out.excess_interval);
   interval(draws.m_min, options.level, out.m_min_interval);
   interval(draws.k_min, options.level, out.k_min_interval);
@@ -171,14 +195,21 @@ Verdict assess_passivity(const ImpedanceEstimate& estimate, const VerdictOptions
       1, static_cast<Index>(filters.rate_hz / (20.0 * filters.effective_cutoff_hz)));
   std::vector<double> beta;
   for (const PreparedTrial& trial : estimate.prepared->trials) {
-    out.series.push_back(absorbed_energy(trial.force(), trial.velocity(), filters.rate_hz, stride));
-    beta.push_back(-stored_energy(estimate, trial));
+    step(token,
+         static_cast<double>(beta.size()) / static_cast<double>(estimate.prepared->trials.size()));
+    EnergySeries series = absorbed_energy(trial.force(), trial.velocity(), filters.rate_hz, stride);
+    series.stored_j = stored_energy(estimate, trial, stride, series.time_s.size());
+    beta.push_back(-series.stored_j[0]);
+    out.series.push_back(std::move(series));
   }
   out.beta_j = *std::min_element(beta.begin(), beta.end());
   out.energy = energy_index(out.series, beta, options.min_share);
   const std::vector<double> replicates = energy_index_bootstrap(
-      out.series, out.beta_j, options.min_share, options.block_s, options.bootstrap, options.seed);
+      out.series, options.min_share, options.block_s, options.bootstrap, options.seed, token);
   interval(replicates, options.level, out.energy_interval);
+  // Blocks in another order can miss the very stretch that sets the index: the interval holds it too.
+  out.energy_interval[0] = std::min(out.energy_interval[0], out.energy.delta);
+  out.energy_interval[1] = std::max(out.energy_interval[1], out.energy.delta);
   out.energy_probability = kNaN;
   if (!replicates.empty()) {
     const auto absorbed =
@@ -186,9 +217,10 @@ Verdict assess_passivity(const ImpedanceEstimate& estimate, const VerdictOptions
     out.energy_probability = static_cast<double>(absorbed) / static_cast<double>(replicates.size());
   }
 
-  // The model speaks for every motion, but only when it describes this one.
-  const bool model_holds =
-      (fit.outcome & (kPoorFit | kClosedLoopBiased | kIllConditioned | kNotConverged)) == 0;
+  // The model speaks for every motion, but only when it describes this one and was free to say no.
+  constexpr std::uint32_t kDoubts =
+      kPoorFit | kClosedLoopBiased | kIllConditioned | kNotConverged | kForceLag | kSuspectData;
+  const bool model_holds = (fit.outcome & kDoubts) == 0 && !fit.constrained;
   out.approach = model_holds ? Approach::kModel : Approach::kEnergy;
   out.probability = model_holds ? out.model_probability : out.energy_probability;
   out.answer = decide(out.probability, options.level);
@@ -210,23 +242,29 @@ Verdict assess_passivity(const ImpedanceEstimate& estimate, const VerdictOptions
                        " The threshold is ", 100.0 * options.antisymmetry_threshold, " %.");
   }
   if (model_holds) {
+    const bool symmetric = out.m_dropped && out.k_dropped;
     out.reason = sentence(
-        "It rests on the identified model: the chance that M and K are positive "
-        "semidefinite and the smallest damping is not negative is ",
-        out.model_probability, ".", dropped);
+        "It rests on the identified model: ",
+        symmetric
+            ? sentence("the chance that M and K are positive semidefinite and the smallest "
+                       "damping is not negative is ",
+                       out.model_probability, ".")
+            : std::string("a stiffness or inertia that is not symmetric can give energy out."),
+        dropped);
     if (out.answer != Answer::kUndecided && other != Answer::kUndecided && other != out.answer) {
       out.answer = Answer::kUndecided;
       out.reason += sentence(" The energy balance of this recording says ", word(other),
                              ", so the two approaches disagree.");
     }
   } else {
-    out.reason = sentence(
-        "It rests on the energy that the arm absorbed in this recording, because the model does "
-        "not hold "
-        "(see the warnings); the model by itself would say ",
-        word(other), ".");
+    out.reason =
+        sentence("It rests on the energy that the arm absorbed in this recording, because ",
+                 fit.constrained ? "the fit was constrained to be passive and met the constraint"
+                                 : "the model does not hold (see the warnings)",
+                 fit.constrained ? std::string(".")
+                                 : sentence("; the model by itself would say ", word(other), "."));
   }
-  out.would_change = what_would_change(estimate, out);
+  out.would_change = what_would_change(out);
   return out;
 }
 

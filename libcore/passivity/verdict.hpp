@@ -46,6 +46,7 @@ struct Verdict {
   std::string would_change;  // one sentence: what would change it
 };
 
-Verdict assess_passivity(const ImpedanceEstimate& estimate, const VerdictOptions& options);
+Verdict assess_passivity(const ImpedanceEstimate& estimate, const VerdictOptions& options,
+                         Token* token = nullptr);
 
 }  // namespace ulna

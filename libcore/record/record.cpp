@@ -90,10 +90,10 @@ void check_segments(const std::vector<Segment>& segments, const std::vector<Tria
       throw Error(Fault::kArgument, "segments",
                   where + " has rows " + std::to_string(segment.begin) + " to " +
                       std::to_string(segment.end) +
-                      ": segments must be in order, not empty and inside their trial",
+                      ": segments must be in order, apart, not empty and inside their trial",
                   where);
     }
-    begin = segment.begin;
+    begin = segment.end;
   }
 }
 

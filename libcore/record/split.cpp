@@ -151,6 +151,13 @@ Record with_segments(const Record& record, const std::vector<double>& onsets_s, 
   require(std::isfinite(before_s) && before_s >= 0.0, "before_s", "before_s must be 0 or more");
   require(std::isfinite(after_s) && after_s > 0.0, "after_s", "after_s must be positive");
   require(!onsets_s.empty(), "onsets_s", "there are no onsets: give at least one");
+  const double longest = static_cast<double>(record.rows()) / record.rate_hz();
+  require(before_s <= longest && after_s <= longest, before_s > longest ? "before_s" : "after_s",
+          "a segment cannot be longer than the record");
+  for (std::size_t k = 0; k < onsets_s.size(); ++k) {
+    require(std::isfinite(onsets_s[k]), "onsets_s",
+            "onset " + std::to_string(k) + " is not a number: leave it out");
+  }
   Record::Parts parts = record.parts();
   parts.segments.clear();
   const Index before = static_cast<Index>(std::llround(before_s * record.rate_hz()));

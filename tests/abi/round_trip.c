@@ -170,7 +170,7 @@ static void check_passivity(const ulna_impedance* h, int64_t rows) {
   char text[2048];
   int64_t size = 0, count = 0, other = 0;
   double* time = NULL;
-  CHECK(ulna_passivity_assess(h, NULL, &p) == ULNA_OK);
+  CHECK(ulna_passivity_assess(h, NULL, NULL, &p) == ULNA_OK);
   if (p == NULL) return;
   memset(&info, 0, sizeof info);
   info.struct_size = sizeof info;

@@ -11,6 +11,7 @@ exerts on the robot.
 from __future__ import annotations
 
 import warnings as _warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from statistics import NormalDist
 from typing import TYPE_CHECKING, Any
@@ -236,7 +237,7 @@ class Ellipse:
     area : float
         pi major minor.
     shape : float
-        major / minor.
+        major / minor; NaN unless minor is positive.
     angle_deg : float
         Of the major axis to +x, 0 to 180; NaN where `angle_defined` is false.
     antisymmetry : float
@@ -620,11 +621,18 @@ def _estimate(handle: _Impedance, record: Record, fit: int = 0) -> ImpedanceEsti
     )
 
 
+def _words(channels: str | Sequence[str] | None) -> str | None:
+    """A word for several channels as it is; a list of names means exactly these."""
+    if channels is None or isinstance(channels, str):
+        return channels
+    return ",".join(channels) + ","
+
+
 def _prepare_options(
     *,
-    position: str | None,
-    force: str | None,
-    reference: str | None,
+    position: str | Sequence[str] | None,
+    force: str | Sequence[str] | None,
+    reference: str | Sequence[str] | None,
     lowpass_hz: float | None,
     lowpass_order: int | None,
     corrected: bool,
@@ -638,9 +646,9 @@ def _prepare_options(
         lowpass_hz = -1.0  # no low pass; zero bytes would mean the default
     return options(
         "ulna_prepare_options",
-        position=position,
-        force=force,
-        reference=reference,
+        position=_words(position),
+        force=_words(force),
+        reference=_words(reference),
         lowpass_hz=lowpass_hz,
         lowpass_order=lowpass_order,
         corrected=corrected,
@@ -655,9 +663,9 @@ def _prepare_options(
 def preprocess(
     record: Record,
     *,
-    position: str | None = None,
-    force: str | None = None,
-    reference: str | None = None,
+    position: str | Sequence[str] | None = None,
+    force: str | Sequence[str] | None = None,
+    reference: str | Sequence[str] | None = None,
     lowpass_hz: float | None = None,
     lowpass_order: int | None = None,
     corrected: bool = False,
@@ -676,8 +684,9 @@ def preprocess(
     Parameters
     ----------
     record : Record
-    position, force, reference : str, optional
-        Channel, or word for several: "F" stands for F_x and F_y. Default: by role.
+    position, force, reference : str or list of str, optional
+        Word for channels: "F" stands for F_x and F_y. A list of names means exactly these. Default:
+        by role.
     lowpass_hz : float, optional
         Cut-off of one pass, Hz; 0: no low pass. Default: so that both passes together keep the band
         that holds 95 % of the velocity's power (of the reference's, if any), 5 to 60 Hz.
@@ -727,9 +736,9 @@ def preprocess(
 
 def identify_impedance(
     record: Record,
-    force: str | None = None,
-    position: str | None = None,
-    reference: str | None = None,
+    force: str | Sequence[str] | None = None,
+    position: str | Sequence[str] | None = None,
+    reference: str | Sequence[str] | None = None,
     *,
     model: str = "free",
     no_damping: bool = False,
@@ -762,8 +771,9 @@ def identify_impedance(
     ----------
     record : Record
         Positions, forces (by the human on the robot) and, if there is one, the commanded reference.
-    force, position, reference : str, optional
-        Channel, or word for several: "F" stands for F_x and F_y. Default: by role.
+    force, position, reference : str or list of str, optional
+        Word for channels: "F" stands for F_x and F_y. A list of names means exactly these. Default:
+        by role.
     model : {"free", "symmetric", "passive"}
         "passive": symmetric and positive semidefinite.
     no_damping, diagonal_mass : bool

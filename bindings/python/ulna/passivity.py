@@ -12,7 +12,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ._call import ArgumentError, Handle, check, ffi, lib, options, out_array, result, text, view
+from ._call import (
+    ArgumentError,
+    Handle,
+    check,
+    ffi,
+    lib,
+    long_call,
+    options,
+    out_array,
+    result,
+    text,
+    view,
+)
 
 if TYPE_CHECKING:
     from .impedance import ImpedanceEstimate
@@ -240,7 +252,9 @@ def assess(
             argument="estimate",
         )
     chosen = _options(antisymmetry_threshold, level, min_share, block_s, bootstrap, seed)
-    handle = _Passivity.make(lib.ulna_passivity_assess, estimate._handle.pointer, chosen)
+    out = ffi.new("ulna_passivity **")
+    long_call(lib.ulna_passivity_assess, estimate._handle.pointer, chosen, ffi.NULL, out)
+    handle = _Passivity(out[0])
     info = result("ulna_passivity_info")
     check(lib.ulna_passivity_get_info(handle.pointer, info))
     raw = result("ulna_passivity_margins")

@@ -19,9 +19,9 @@ extern "C" {
 /** How signals are smoothed and differentiated. Zero bytes mean the defaults named here.
  * @since 0.1 */
 typedef struct ulna_prepare_options {
-  int64_t struct_size;  /* sizeof(ulna_prepare_options) */
-  const char *position; /* channel, or word for x, y, ...: "x" or "p" for p_x, p_y; NULL: by role */
-  const char *force;    /* as position */
+  int64_t struct_size;   /* sizeof(ulna_prepare_options) */
+  const char *position;  /* word: "p" for p_x, p_y; "x," or "x,y": exactly these; NULL: by role */
+  const char *force;     /* as position */
   const char *reference; /* as position; NULL: by role, if there are any */
   double lowpass_hz;     /* -3 dB of one pass; 0: to pass motion_band_hz, 5 to 60 Hz; < 0: none */
   double pad_epsilon;    /* share of a transient that may remain at the ends; 0: 1e-3 */

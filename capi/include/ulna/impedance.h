@@ -193,7 +193,7 @@ typedef struct ulna_ellipse {
   double major;                    /* larger eigenvalue of the symmetric part, unit of the matrix */
   double minor;                    /* smaller eigenvalue */
   double area;                     /* pi major minor */
-  double shape;                    /* major / minor */
+  double shape;                    /* major / minor; NaN unless minor > 0 */
   double angle_rad;                /* of the major axis to +x, in [0, pi) */
   double antisymmetric;            /* (z_xy - z_yx) / 2 */
   double antisymmetry;             /* its size over sqrt(major minor) */

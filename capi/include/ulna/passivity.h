@@ -94,7 +94,7 @@ typedef struct ulna_passivity_info {
  * @thread any
  * @since 0.1 */
 ULNA_API ulna_status ulna_passivity_assess(const ulna_impedance *impedance,
-                                           const ulna_passivity_options *options,
+                                           const ulna_passivity_options *options, ulna_token *token,
                                            ulna_passivity **out_passivity);
 
 /** Frees a verdict; NULL is allowed.
