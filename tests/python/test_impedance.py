@@ -353,8 +353,11 @@ def test_ankles_with_a_low_pass_of_50_hz(name, stiffness, vaf):
     assert estimate.K[0, 0] == pytest.approx(stiffness, abs=4 if name == "ankle-c" else 3)
     assert estimate.vaf[0] >= vaf
     if name == "ankle-b":
-        # 0.01467: the motion reaches above 50 Hz, and where inertia dominates that costs 7 % of it.
-        assert estimate.M[0, 0] == pytest.approx(0.0157, abs=0.0011)
+        # Two passes at 50 Hz are -3 dB at 45.8 Hz, and what lies above tells most of the inertia: there
+        # it is 0.01467. With 50 Hz after both passes it is 0.01474.
+        assert estimate.M[0, 0] == pytest.approx(0.0147, abs=0.0001)
+        corrected = ankle(name, lowpass_hz=50.0, corrected=True)
+        assert corrected.M[0, 0] == pytest.approx(0.0157, abs=0.001)
 
 
 # Several trials ----------------------------------------------------------------------------------
@@ -407,8 +410,9 @@ def test_segments_validate_on_their_second_half(one_run):
     assert estimate.train_rows == estimate.held_out_rows
     kept = quietly(log, refit=False)
     assert not kept.refitted and not np.array_equal(kept.K, estimate.K)
-    # What was held out is judged by the fit that has not seen it, refitted or not.
-    assert np.array_equal(kept.vaf, estimate.vaf)
+    # What was held out is judged by the fit that has not seen it, refitted or not; the positions are
+    # centred on other rows, which moves the last digits.
+    assert np.allclose(kept.vaf, estimate.vaf, rtol=1e-9)
 
 
 # SciPy -------------------------------------------------------------------------------------------
@@ -567,7 +571,7 @@ WRONG = {
     "lowpass_hz": {"lowpass_hz": 600.0},
     "window": {"window": 100},
     "order": {"order": 1},
-    "channel": {"position": "elbow"},
+    "position": {"position": "elbow"},
 }
 
 
@@ -649,7 +653,6 @@ def test_missing_values_are_placed():
     assert caught.value.argument == "y" and caught.value.detail == "row 20000"
 
 
-@pytest.mark.xfail(raises=ulna.DataError, strict=True, reason="rows between trials are read too")
 def test_a_split_record_is_as_good_as_before():
     t, x, v, a = multisine(2)
     force = force_of(some_arm(2), x, v, a)
