@@ -6,155 +6,26 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
-#include <limits>
-#include <sstream>
 
 #include "base/error.hpp"
 #include "base/pool.hpp"
 #include "base/random.hpp"
+#include "base/words.hpp"
 #include "impedance/natural.hpp"
+#include "impedance/split.hpp"
+#include "impedance/validate.hpp"
+#include "impedance/words.hpp"
 #include "stats/distributions.hpp"
 
 namespace ulna {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr double kDefaultTrainS = 40.0;
-constexpr double kDefaultTrainShare = 0.8;
 constexpr double kIllCondition = 200.0;
 constexpr double kBiasLevel = 0.01;
-constexpr double kLeastLagS = 1e-3;
 // A model that holds accounts for nearly all of the force that the perturbation caused.
 constexpr double kGoodReferenceVaf = 95.0;
-// Streams of random numbers of this analysis.
+// Stream of random numbers of the draws.
 constexpr std::uint64_t kDrawStream = 1u << 20;
-constexpr std::uint64_t kVafStream = 1u << 21;
-
-template <class... Parts>
-std::string sentence(int precision, const Parts&... parts) {
-  std::ostringstream text;
-  text.precision(precision);
-  (text << ... << parts);
-  return text.str();
-}
-
-std::string join(const std::vector<std::string>& words) {
-  std::string text;
-  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
-  return text;
-}
-
-// ---------------------------------------------------------------- which rows identify, which
-// validate
-
-struct Split {
-  std::vector<Span> train, held_out, all;
-  double train_s = 0.0;
-  bool segmented = false;
-};
-
-Split split_rows(const Record& record, const Prepared& prepared, double train_s) {
-  Split split;
-  const double rate = record.rate_hz();
-  for (std::size_t t = 0; t < prepared.trials.size(); ++t) {
-    const PreparedTrial& trial = prepared.trials[t];
-    const Trial& rows = record.trials()[t];
-    std::vector<Segment> segments;
-    for (const Segment& segment : record.segments()) {
-      if (segment.trial == static_cast<int>(t)) segments.push_back(segment);
-    }
-    const auto add = [&](std::vector<Span>& list, Index begin, Index end) {
-      begin = std::max<Index>(begin - trial.begin(), 0);
-      end = std::min(end - trial.begin(), trial.rows());
-      if (begin < end) list.push_back({static_cast<int>(t), begin, end});
-    };
-    if (segments.size() > 1 && train_s == 0.0) {
-      split.segmented = true;
-      const std::size_t first = (segments.size() + 1) / 2;
-      for (std::size_t s = 0; s < segments.size(); ++s) {
-        add(s < first ? split.train : split.held_out, segments[s].begin, segments[s].end);
-      }
-    } else {
-      // Time counts from the first row in use.
-      const Index first = segments.empty() ? rows.begin : segments.front().begin;
-      const Index last = segments.empty() ? rows.end : segments.back().end;
-      const double duration = static_cast<double>(last - first) / rate;
-      const double wanted = train_s > 0.0 ? std::min(train_s, duration)
-                                          : std::min(kDefaultTrainS, kDefaultTrainShare * duration);
-      const Index border = first + static_cast<Index>(std::lround(wanted * rate));
-      for (const Segment& segment : segments) {
-        add(split.train, segment.begin, std::min(segment.end, border));
-        add(split.held_out, std::max(segment.begin, border), segment.end);
-      }
-      split.train_s = std::max(split.train_s, wanted);
-    }
-  }
-  split.all = split.train;
-  split.all.insert(split.all.end(), split.held_out.begin(), split.held_out.end());
-  std::stable_sort(split.all.begin(), split.all.end(), [](const Span& a, const Span& b) {
-    return a.trial != b.trial ? a.trial < b.trial : a.begin < b.begin;
-  });
-  return split;
-}
-
-// Pieces of at most `rows` rows, of nearly equal length within a span.
-std::vector<Span> cut(const std::vector<Span>& spans, Index rows) {
-  std::vector<Span> pieces;
-  for (const Span& span : spans) {
-    const Index length = span.end - span.begin;
-    const Index count = std::max<Index>(1, length / std::max<Index>(1, rows));
-    for (Index i = 0; i < count; ++i) {
-      pieces.push_back(
-          {span.trial, span.begin + length * i / count, span.begin + length * (i + 1) / count});
-    }
-  }
-  return pieces;
-}
-
-// ------------------------------------------------------------------------- parameters and their
-// errors
-
-Vector natural_of(const Matrix& theta, const Vector& position_mean) {
-  const Index n = theta.cols();
-  Vector out(natural_size(n));
-  for (Index term = 0; term < 3; ++term) {
-    out.segment(term * n * n, n * n) = theta.middleRows(term * n, n).reshaped();
-  }
-  const Eigen::FullPivLU<Matrix> stiffness(theta.middleRows(2 * n, n).transpose());
-  if (stiffness.isInvertible()) {
-    out.tail(n) = position_mean - stiffness.solve(theta.row(3 * n).transpose());
-  } else {
-    out.tail(n).setConstant(kNaN);
-  }
-  return out;
-}
-
-// d natural / d vec(theta); x0 - x_mean = u solves K u = -c, so du = -K^-1 (dc + dK u).
-Matrix natural_jacobian(const Matrix& theta) {
-  const Index n = theta.cols();
-  const Index p = theta.rows();
-  Matrix jacobian = Matrix::Zero(natural_size(n), p * n);
-  for (Index term = 0; term < 3; ++term) {
-    for (Index i = 0; i < n; ++i) {
-      for (Index j = 0; j < n; ++j) jacobian(term * n * n + i * n + j, i * p + term * n + j) = 1.0;
-    }
-  }
-  const Matrix stiffness = theta.middleRows(2 * n, n).transpose();
-  const Eigen::FullPivLU<Matrix> lu(stiffness);
-  if (!lu.isInvertible()) {
-    jacobian.bottomRows(n).setConstant(kNaN);
-    return jacobian;
-  }
-  const Vector u = -lu.solve(theta.row(3 * n).transpose());
-  const Matrix inverse = lu.inverse();
-  for (Index i = 0; i < n; ++i) {
-    for (Index j = 0; j < n; ++j) {
-      jacobian.block(3 * n * n, i * p + 2 * n + j, n, 1) = -inverse.col(i) * u[j];
-    }
-    jacobian.block(3 * n * n, i * p + 3 * n, n, 1) = -inverse.col(i);
-  }
-  return jacobian;
-}
 
 Matrix sample_covariance(const Matrix& rows) {
   const Matrix centred = rows.rowwise() - rows.colwise().mean();
@@ -171,126 +42,6 @@ void set_parameters(ImpedanceFit& fit, const Matrix& theta, const Vector& positi
   fit.x0 = natural_of(theta, position_mean).tail(n);
   if (!fit.x0.allFinite()) fit.outcome |= kNotFinite;
 }
-
-// ------------------------------------------------------------------------------------------
-// validation
-
-// VAF per axis (3.10), and its interval by resampling blocks of one second.
-void validate(const Design& design, const std::vector<Span>& spans, const Matrix& theta,
-              double rate, std::uint64_t seed, int threads, Vector& vaf, Matrix* interval) {
-  const Index n = design.axes();
-  const Index q = design.instruments();
-  const Index p = design.regressors();
-  vaf = Vector::Constant(n, kNaN);
-  if (interval != nullptr) *interval = Matrix::Constant(2, n, kNaN);
-  if (row_count(spans) < 10) return;
-
-  const std::vector<Span> blocks = cut(spans, static_cast<Index>(rate));
-  // Per block: rows, then per axis the sums of e, e^2, f, f^2.
-  Matrix sums(static_cast<Index>(blocks.size()), 1 + 4 * n);
-  parallel_for(sums.rows(), threads, [&](std::ptrdiff_t index) {
-    const auto b = static_cast<std::size_t>(index);
-    const Index count = blocks[b].end - blocks[b].begin;
-    Matrix rows(count, design.columns());
-    design.fill(blocks[b].trial, blocks[b].begin, count, rows);
-    const Matrix error = rows.rightCols(n) - rows.middleCols(q, p) * theta;
-    // The variance is that of the force as measured, payload included.
-    const Matrix force = rows.rightCols(n) + design.payload_kg() * rows.middleCols(q, n);
-    auto row = sums.row(index);
-    row[0] = static_cast<double>(count);
-    for (Index i = 0; i < n; ++i) {
-      row[1 + 4 * i] = error.col(i).sum();
-      row[2 + 4 * i] = error.col(i).squaredNorm();
-      row[3 + 4 * i] = force.col(i).sum();
-      row[4 + 4 * i] = force.col(i).squaredNorm();
-    }
-  });
-  const auto vaf_of = [&](const Eigen::RowVectorXd& total, Index i) {
-    const auto variance = [&](Index first) {
-      return total[first + 1] - total[first] * total[first] / total[0];
-    };
-    const double force = variance(3 + 4 * i);
-    return force > 0.0 ? 100.0 * (1.0 - variance(1 + 4 * i) / force) : kNaN;
-  };
-  const Eigen::RowVectorXd total = sums.colwise().sum();
-  for (Index i = 0; i < n; ++i) vaf[i] = vaf_of(total, i);
-  if (interval == nullptr || blocks.size() < 5) return;
-  constexpr Index kReplicates = 500;
-  std::vector<std::vector<double>> replicates(static_cast<std::size_t>(n));
-  for (Index r = 0; r < kReplicates; ++r) {
-    Random random(seed, kVafStream + static_cast<std::uint64_t>(r));
-    Eigen::RowVectorXd drawn = Eigen::RowVectorXd::Zero(sums.cols());
-    for (std::size_t b = 0; b < blocks.size(); ++b) {
-      drawn += sums.row(random.below(static_cast<std::int64_t>(blocks.size())));
-    }
-    for (Index i = 0; i < n; ++i)
-      replicates[static_cast<std::size_t>(i)].push_back(vaf_of(drawn, i));
-  }
-  for (Index i = 0; i < n; ++i) {
-    (*interval)(0, i) = sample_quantile(replicates[static_cast<std::size_t>(i)], 0.025);
-    (*interval)(1, i) = sample_quantile(replicates[static_cast<std::size_t>(i)], 0.975);
-  }
-}
-
-const Vector& judged_vaf(const ImpedanceFit& fit) {
-  return fit.vaf.allFinite() ? fit.vaf : fit.vaf_train;
-}
-
-// ------------------------------------------------------------------------------- what cannot be
-// learnt
-
-// Names of the free parameters in the order of structure_map, found from the map itself.
-std::vector<std::string> parameter_names(const Matrix& map, const std::vector<std::string>& axes) {
-  const Index n = static_cast<Index>(axes.size());
-  const Index p = 3 * n + 1;
-  static const char* const kTerm[] = {"m", "b", "k"};
-  std::vector<std::string> names;
-  for (Index column = 0; column < map.cols(); ++column) {
-    Index entry = 0;
-    while (map(entry, column) == 0.0) ++entry;
-    const auto row = static_cast<std::size_t>(entry / p);
-    const Index r = entry % p;
-    names.push_back(r == 3 * n ? "the constant of " + axes[row]
-                               : std::string(kTerm[r / n]) + "_" + axes[row] +
-                                     (n > 1 ? axes[static_cast<std::size_t>(r % n)] : ""));
-  }
-  return names;
-}
-
-std::string unidentifiable(const Fit& fit, const std::vector<std::string>& axes) {
-  const Index n = static_cast<Index>(axes.size());
-  const Index p = 3 * n + 1;
-  static const char* const kSignal[] = {"acceleration of ", "velocity of ", "position of "};
-  std::vector<std::string> parts;
-  if (fit.transform.rows() == fit.transform.cols()) {
-    // Every output has the same regressors: speak of the motion. The direction lives in one output.
-    Vector motion = Vector::Zero(p);
-    for (Index i = 0; i < n; ++i) {
-      const Vector along = (fit.transform * fit.weakest).segment(i * p, p);
-      if (along.norm() > motion.norm()) motion = along;
-    }
-    motion.normalize();
-    for (Index r = 0; r < p; ++r) {
-      if (std::abs(motion[r]) < 0.25) continue;
-      parts.push_back(sentence(2, motion[r], " ",
-                               r == 3 * n
-                                   ? std::string("a constant")
-                                   : kSignal[r / n] + axes[static_cast<std::size_t>(r % n)]));
-    }
-    return "the recorded motion hardly moves along one combination of signals (in units of their "
-           "size: " +
-           join(parts) + ")";
-  }
-  const std::vector<std::string> names = parameter_names(fit.transform, axes);
-  for (Index r = 0; r < fit.weakest.size(); ++r) {
-    if (std::abs(fit.weakest[r]) < 0.25) continue;
-    parts.push_back(sentence(2, fit.weakest[r], " ", names[static_cast<std::size_t>(r)]));
-  }
-  return "the data do not tell these parameters apart: " + join(parts);
-}
-
-// ----------------------------------------------------------------------------------------- one
-// estimate
 
 struct Solved {
   Fit fit;
@@ -319,38 +70,12 @@ Solved solve_structured(const Factor& factor, const Structure& structure, Estima
 void require_determined(const Fit& fit, const std::vector<std::string>& axes, double limit) {
   if (fit.condition <= limit && fit.theta.allFinite()) return;
   const bool iv = fit.estimator == Estimator::kInstrumental;
-  throw Error(
-      Fault::kAnalysis, iv ? "reference" : "position",
-      sentence(3, iv ? "with the reference as instrument, " : "", unidentifiable(fit, axes),
-               "; its condition number is ", fit.condition, " (limit ", limit,
-               "): perturb in every direction and with more than one frequency, or fix part of "
-               "the model"),
-      sentence(6, "condition ", fit.condition));
-}
-
-std::string bias_sentence(const DifferenceTest& test, const ImpedanceFit& iv,
-                          const ImpedanceFit& ls, const std::vector<std::string>& axes) {
-  // The diagonal stiffness that moves most, in its own standard errors, says it best.
-  const Index n = iv.k.rows();
-  const Index p = 3 * n + 1;
-  Index worst = 0;
-  double most = -1.0;
-  for (Index i = 0; i < n; ++i) {
-    const Index at = i * p + 2 * n + i;
-    const double z = std::abs(test.difference[at]) / std::max(test.standard_error[at], 1e-300);
-    if (z > most) {
-      most = z;
-      worst = i;
-    }
-  }
-  const std::string axis = axes[static_cast<std::size_t>(worst)];
-  return sentence(
-      3,
-      "Least squares is biased by the closed loop: part of the motion was caused by the "
-      "human's own force, and the robot's impedance leaks in with the wrong sign (k_",
-      axis, n > 1 ? axis : "", " = ", ls.k(worst, worst), " by least squares, ", iv.k(worst, worst),
-      " by instrumental variables; test of equality: p ",
-      test.p_value < 1e-4 ? std::string("< 0.0001") : sentence(2, "= ", test.p_value), ").");
+  throw Error(Fault::kAnalysis, iv ? "reference" : "position",
+              sentence(3, iv ? "with the reference as instrument, " : "", unidentifiable(fit, axes),
+                       "; its condition number is ", fit.condition, " (limit ", limit,
+                       "): perturb in every direction and with more than one frequency, or fix "
+                       "part of the model"),
+              sentence(6, "condition ", fit.condition));
 }
 
 }  // namespace
@@ -431,8 +156,7 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
     out.warnings.push_back("The record holds a reference for " + std::to_string(references) +
                            " of " + std::to_string(n) +
                            " axes: without one for every axis, instrumental variables and the "
-                           "closed-loop check are not "
-                           "possible.");
+                           "closed-loop check are not possible.");
   }
   auto prepared =
       std::make_shared<Prepared>(prepare(record, roles, options.prepare, options.threads, token));
@@ -605,10 +329,10 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
       out.trials.push_back(std::move(trial));
     }
     if (used < table.rows()) {
-      out.notes.push_back(
-          std::to_string(table.rows() - used) + " of " + std::to_string(table.rows()) +
-          " trials do not determine the parameters by themselves and are left out of "
-          "the mean over trials.");
+      out.notes.push_back(std::to_string(table.rows() - used) + " of " +
+                          std::to_string(table.rows()) +
+                          " trials do not determine the parameters by themselves and are left out "
+                          "of the mean over trials.");
     }
     if (used >= 2) {
       out.trial_mean = table.topRows(used).colwise().mean().transpose();
@@ -621,8 +345,6 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
   out.motion = motion_share(*prepared, band);
   out.lag = check_lag(*prepared, spans, wanted[0], options.hac_lag_s);
 
-  // ------------------------------------------------------------------------------- what to say of
-  // it
   const std::uint32_t before = out.fit.outcome;
   out.fit = std::move(results[0]);
   out.fit.outcome |= before;
@@ -674,101 +396,13 @@ ImpedanceEstimate identify_impedance(const Record& record, const ImpedanceOption
     }
     out.notes.push_back(
         "The log holds no reference (commanded perturbation), so it cannot be checked whether the "
-        "human "
-        "caused part of the motion; if so, least squares is biased towards minus the robot's "
+        "human caused part of the motion; if so, least squares is biased towards minus the robot's "
         "impedance." +
         (unused.empty() ? std::string()
                         : " Not used: " + join(unused) +
                               "; if one is the commanded motion, say so in a map."));
   }
-  Index worst = 0;
-  const double low = judged_vaf(out.fit).minCoeff(&worst);
-  if (low < options.poor_vaf && (out.fit.outcome & kPoorFit) == 0) {
-    out.notes.push_back(sentence(
-        3, "The model accounts for ", low, " % of the held-out force along ",
-        out.axes[static_cast<std::size_t>(worst)], ", but for ", out.fit.vaf_reference[worst],
-        " % of what the perturbation caused: the rest is force of the human's own, or comes from "
-        "motion "
-        "that the log does not hold."));
-  }
-  if ((out.fit.outcome & kPoorFit) != 0) {
-    out.warnings.push_back(
-        sentence(3, "A second-order model does not describe this recording: it ",
-                 low > 0.0 ? sentence(3, "accounts for only ", low, " % of the variance of")
-                           : std::string("predicts worse than the mean of"),
-                 " the held-out force along ", out.axes[static_cast<std::size_t>(worst)],
-                 ". Active muscles, reflexes or friction may be at work; M, B and K are then no "
-                 "more than the best "
-                 "second-order summary."));
-  }
-  bool negative_inertia = true;
-  for (Index i = 0; i < n; ++i) {
-    const double error = std::sqrt(out.fit.covariance(i * n + i, i * n + i));
-    negative_inertia = negative_inertia && out.fit.m(i, i) < -3.0 * error;
-  }
-  if (negative_inertia) {
-    out.fit.outcome |= kSuspectData;
-    out.warnings.push_back(
-        "The inertia comes out negative, which no limb has: the force must be the one by the human "
-        "on the "
-        "robot (else turn its sign in a map), its axes those of the motion, and the payload no "
-        "more than "
-        "was moved.");
-  }
-  if ((out.fit.outcome & kIllConditioned) != 0) {
-    out.warnings.push_back(sentence(3, "The estimate is ill-conditioned (condition number ",
-                                    out.fit.condition,
-                                    "): ", unidentifiable(solved[0].fit, out.axes), "."));
-  }
-  if (out.lag.available && std::abs(out.lag.lag_s) > kLeastLagS &&
-      std::abs(out.lag.lag_s) > 4.0 * out.lag.standard_error_s) {
-    out.fit.outcome |= kForceLag;
-    out.warnings.push_back(sentence(
-        3, "The force channel seems to be ", std::abs(out.lag.lag_s) * 1e3, " ms (standard error ",
-        out.lag.standard_error_s * 1e3, " ms) ", out.lag.lag_s > 0 ? "later" : "earlier",
-        " than the position: a lag t changes the damping by about t (M w^2 - K) at w rad/s. A "
-        "model that "
-        "does not fit can look like a lag."));
-  }
-  if ((out.fit.outcome & kNotFinite) != 0) {
-    out.warnings.push_back(
-        "The stiffness matrix is singular, so there is no equilibrium position x0.");
-  }
-  if ((out.fit.outcome & kNotConverged) != 0) {
-    out.warnings.push_back("The constrained fit did not converge to its tolerance.");
-  }
-  if (out.fit.constrained) {
-    out.notes.push_back(
-        "A positive-semidefinite constraint is active: standard errors are those of the symmetric "
-        "model "
-        "without it.");
-  }
-  if (out.held_out_rows == 0) {
-    out.warnings.push_back(
-        "No data were held out, so the fit could not be validated on fresh data.");
-  }
-  if (out.report.short_trials) {
-    out.notes.push_back(
-        "A trial is shorter than the low pass needs to settle: its ends were extended by less than "
-        "the "
-        "filter's memory.");
-  }
-  out.provenance = record.provenance();
-  out.provenance.push_back(sentence(
-      6, "prepared: Savitzky-Golay order ", out.report.order, ", window ", out.report.window,
-      out.report.lowpass_order > 0
-          ? sentence(6, ", zero-phase Butterworth order ", out.report.lowpass_order, " at ",
-                     out.report.lowpass_hz, " Hz (-3 dB at ", out.report.effective_cutoff_hz,
-                     " Hz)")
-          : std::string(", no low pass")));
-  out.provenance.push_back(sentence(
-      6, "identified: ",
-      out.fit.estimator == Estimator::kInstrumental ? "instrumental variables" : "least squares",
-      ", ", row_count(spans), " rows, ",
-      options.errors == ErrorModel::kNeweyWest
-          ? sentence(6, "Newey-West errors, lag ", options.hac_lag_s, " s")
-          : sentence(6, "block bootstrap, ", options.bootstrap, " resamples"),
-      ", seed ", options.seed));
+  explain(out, solved[0].fit, options, row_count(spans));
   return out;
 }
 

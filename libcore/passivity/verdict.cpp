@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <sstream>
 
+#include "base/words.hpp"
 #include "impedance/natural.hpp"
 #include "stats/distributions.hpp"
 
@@ -15,11 +15,8 @@ namespace {
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 template <class... Parts>
-std::string sentence(const Parts&... parts) {
-  std::ostringstream text;
-  text.precision(3);
-  (text << ... << parts);
-  return text.str();
+std::string say(const Parts&... parts) {
+  return sentence(3, parts...);
 }
 
 void interval(const std::vector<double>& sample, double level, double (&out)[2]) {
@@ -145,22 +142,22 @@ std::string what_would_change(const Verdict& verdict) {
   if (weakest == nullptr)
     return "The parameters have no uncertainty: nothing in this record would.";
   const std::string eigenvalue =
-      sentence("the smallest ", weakest->name, " eigenvalue, ", weakest->value, " (",
-               weakest->interval[0], " to ", weakest->interval[1], ")");
+      say("the smallest ", weakest->name, " eigenvalue, ", weakest->value, " (",
+          weakest->interval[0], " to ", weakest->interval[1], ")");
   const bool settled = weakest->interval[0] > 0.0 || weakest->interval[1] < 0.0;
   if (settled && weakest->value > 0.0 && (!verdict.k_dropped || !verdict.m_dropped)) {
-    return sentence("An antisymmetric part of ", verdict.k_dropped ? "M" : "K",
-                    " below the threshold would: repeat the trial to see whether it is a property "
-                    "of the arm or an error of the measurement.");
+    return say("An antisymmetric part of ", verdict.k_dropped ? "M" : "K",
+               " below the threshold would: repeat the trial to see whether it is a property of "
+               "the arm or an error of the measurement.");
   }
   if (settled) {
-    return sentence("The closest margin is ", eigenvalue,
-                    ": the model's answer changes only if that changes sign.");
+    return say("The closest margin is ", eigenvalue,
+               ": the model's answer changes only if that changes sign.");
   }
   const double factor =
       std::pow(0.5 * width(*weakest) / std::max(std::abs(weakest->value), 1e-300), 2.0);
-  return sentence("It depends most on ", eigenvalue, "; about ", std::clamp(factor, 1.5, 1000.0),
-                  " times as much data of this kind would settle its sign.");
+  return say("It depends most on ", eigenvalue, "; about ", std::clamp(factor, 1.5, 1000.0),
+             " times as much data of this kind would settle its sign.");
 }
 
 }  // namespace
@@ -207,7 +204,8 @@ Verdict assess_passivity(const ImpedanceEstimate& estimate, const VerdictOptions
   const std::vector<double> replicates = energy_index_bootstrap(
       out.series, options.min_share, options.block_s, options.bootstrap, options.seed, token);
   interval(replicates, options.level, out.energy_interval);
-  // Blocks in another order can miss the very stretch that sets the index: the interval holds it too.
+  // Blocks in another order can miss the very stretch that sets the index: the interval holds it
+  // too.
   out.energy_interval[0] = std::min(out.energy_interval[0], out.energy.delta);
   out.energy_interval[1] = std::max(out.energy_interval[1], out.energy.delta);
   out.energy_probability = kNaN;
@@ -231,38 +229,38 @@ Verdict assess_passivity(const ImpedanceEstimate& estimate, const VerdictOptions
   if (n > 1 && estimate.structure.model == Model::kFree && model_holds) {
     const auto part = [&](const char* name, double size, bool below, bool drop) {
       const std::string share =
-          std::isfinite(size) ? sentence(" (", 100.0 * size, " %)") : std::string();
-      return sentence(" The antisymmetric part of ", name, share,
-                      below  ? " is below the threshold and dropped."
-                      : drop ? " is within its error and dropped."
-                             : " is above the threshold and beyond its error: it counts.");
+          std::isfinite(size) ? say(" (", 100.0 * size, " %)") : std::string();
+      return say(" The antisymmetric part of ", name, share,
+                 below  ? " is below the threshold and dropped."
+                 : drop ? " is within its error and dropped."
+                        : " is above the threshold and beyond its error: it counts.");
     };
-    dropped = sentence(part("M", out.model.antisymmetry_m, out.model.m_symmetric, out.m_dropped),
-                       part("K", out.model.antisymmetry_k, out.model.k_symmetric, out.k_dropped),
-                       " The threshold is ", 100.0 * options.antisymmetry_threshold, " %.");
+    dropped = say(part("M", out.model.antisymmetry_m, out.model.m_symmetric, out.m_dropped),
+                  part("K", out.model.antisymmetry_k, out.model.k_symmetric, out.k_dropped),
+                  " The threshold is ", 100.0 * options.antisymmetry_threshold, " %.");
   }
   if (model_holds) {
     const bool symmetric = out.m_dropped && out.k_dropped;
-    out.reason = sentence(
-        "It rests on the identified model: ",
-        symmetric
-            ? sentence("the chance that M and K are positive semidefinite and the smallest "
-                       "damping is not negative is ",
-                       out.model_probability, ".")
-            : std::string("a stiffness or inertia that is not symmetric can give energy out."),
-        dropped);
+    out.reason =
+        say("It rests on the identified model: ",
+            symmetric
+                ? say("the chance that M and K are positive semidefinite and the smallest damping "
+                      "is not negative is ",
+                      out.model_probability, ".")
+                : std::string("a stiffness or inertia that is not symmetric can give energy out."),
+            dropped);
     if (out.answer != Answer::kUndecided && other != Answer::kUndecided && other != out.answer) {
       out.answer = Answer::kUndecided;
-      out.reason += sentence(" The energy balance of this recording says ", word(other),
-                             ", so the two approaches disagree.");
+      out.reason += say(" The energy balance of this recording says ", word(other),
+                        ", so the two approaches disagree.");
     }
   } else {
     out.reason =
-        sentence("It rests on the energy that the arm absorbed in this recording, because ",
-                 fit.constrained ? "the fit was constrained to be passive and met the constraint"
-                                 : "the model does not hold (see the warnings)",
-                 fit.constrained ? std::string(".")
-                                 : sentence("; the model by itself would say ", word(other), "."));
+        say("It rests on the energy that the arm absorbed in this recording, because ",
+            fit.constrained ? "the fit was constrained to be passive and met the constraint"
+                            : "the model does not hold (see the warnings)",
+            fit.constrained ? std::string(".")
+                            : say("; the model by itself would say ", word(other), "."));
   }
   out.would_change = what_would_change(out);
   return out;

@@ -36,6 +36,8 @@ def _figures(value: float, spread: float) -> str:
 
 
 def _entry(value: float, error: float) -> str:
+    if error == 0:
+        return f"{value:.4g} (fixed)"
     return f"{_figures(value, error)} ± {_figures(error, error)}"
 
 
