@@ -288,7 +288,7 @@ TEST(Identify, AReferenceThatDoesNotMoveIsNamed) {
 }
 
 // Instruments of deficient rank must not pass for good ones.
-TEST(Identify, DISABLED_AReferenceOfOneDirectionIsNamed) {
+TEST(Identify, AReferenceOfOneDirectionIsNamed) {
   Record::Parts parts = make_record(participant(1), {}).parts();
   parts.values.col(5) = 2.0 * parts.values.col(4);
   expect_words(refusal(Record::make(parts), Fault::kAnalysis), {"reference as instrument"});
