@@ -79,7 +79,8 @@ TEST(Ellipse, IndefiniteMatricesSaySo) {
   EXPECT_LT(e.area, 0.0);
   EXPECT_TRUE(std::isinf(e.antisymmetry));
   EXPECT_EQ(ellipse_of(Matrix{{1.0, 0.0}, {0.0, -1.0}}).antisymmetry, 0.0);
-  EXPECT_TRUE(std::isinf(ellipse_of(Matrix{{1.0, 0.0}, {0.0, 0.0}}).shape));
+  EXPECT_TRUE(std::isnan(e.shape));
+  EXPECT_TRUE(std::isnan(ellipse_of(Matrix{{1.0, 0.0}, {0.0, 0.0}}).shape));
 }
 
 TEST(Ellipse, RefusesWhatIsNotATwoByTwoMatrix) {
