@@ -344,9 +344,10 @@ Prepared prepare(const Record& record, const Roles& roles, const PrepareOptions&
   } else {
     report.lowpass_order = 0;
   }
-  plan.kernels = options.plain_savgol ? savgol_kernels(plan.spec, 2, rate)
-                                      : matched_kernels(plan.spec, 2, rate,
-                                                        plan.lowpass ? 2.0 * lowpass : 0.25 * rate);
+  // Matching costs noise above the band, which only a low pass takes away again.
+  plan.kernels = options.plain_savgol || !plan.lowpass
+                     ? savgol_kernels(plan.spec, 2, rate)
+                     : matched_kernels(plan.spec, 2, rate, 2.0 * lowpass);
   report.effective_cutoff_hz =
       effective_cutoff(plan.kernels.col(0), plan.lowpass ? &plan.sos : nullptr, rate);
   report.dropped_rows = savgol_edge_rows(plan.spec);

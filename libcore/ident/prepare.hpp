@@ -20,7 +20,7 @@ struct PrepareOptions {
   int lowpass_order = 0;      // 0: 5
   double lowpass_hz = 0.0;    // 0: from the motion, 5 to 60 Hz; negative: no low pass
   bool corrected = false;     // lowpass_hz is the effective -3 dB frequency after both passes
-  bool plain_savgol = false;  // derivative kernels as published, not matched to the value kernel
+  bool plain_savgol = false;  // derivative kernels as published (as without a low pass)
   ZeroPhase zero_phase;
 };
 

@@ -14,7 +14,7 @@ struct EnergySeries {
   Vector time_s;
   Vector energy_j;     // E(t) = -integral of F_h . x' dt: absorbed by the arm, trapezoidal
   Vector dissipation;  // D(t) = integral of x' . x' dt
-  Vector stored_j;     // V(t) held by spring and mass where a model knows it; else empty
+  Vector stored_j;     // V(t) held by spring and mass, above its least; empty: unknown
 };
 
 // force: by the human on the robot; velocity of the hand; rows x n, one trial at rate_hz. Every row

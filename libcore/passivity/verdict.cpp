@@ -96,6 +96,9 @@ Vector stored_energy(const ImpedanceEstimate& estimate, const PreparedTrial& tri
     const Vector offset = trial.position().row(row).transpose() - fit.x0;
     out[i] += 0.5 * offset.dot(spring * offset);
   }
+  // What counts is what could have come out within the recording: a spring stretched all along, as
+  // when x0 is far away, excuses nothing by the part that it never gave back.
+  if (kept > 0) out.array() -= out.minCoeff();
   return out;
 }
 

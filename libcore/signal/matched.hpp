@@ -6,7 +6,8 @@
 // Here each derivative kernel gets the smallest change (in the sum of squares, that is in noise
 // gain) that makes its response (j omega)^d times the response of the value kernel throughout the
 // band that the low pass leaves. Force and motion then carry one and the same linear operator, and
-// the parameters of a noise-free record come out exact.
+// the parameters of a noise-free record come out exact. Above the band the kernels pass more noise
+// than plain ones: they are for use before a low pass.
 #pragma once
 
 #include "base/types.hpp"

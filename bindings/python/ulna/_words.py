@@ -77,8 +77,8 @@ def _band(low: float, high: float, digits: str = ".1f") -> str:
 
 
 def _fact(name: str, text: str) -> str:
-    # A number stays with its percent sign.
-    whole = text.replace(" %", "\u00a0%")
+    # A number stays with its sign.
+    whole = text.replace(" %", "\u00a0%").replace("> ", ">\u00a0").replace("< ", "<\u00a0")
     lines = textwrap.fill(
         whole, _WIDTH, initial_indent=f"{name:<23}", subsequent_indent=" " * 23, break_long_words=False
     )

@@ -74,7 +74,7 @@ typedef struct ulna_passivity_info {
   double energy_index;        /* excess (shortage when negative) that the energy shows */
   double energy_index_time_s; /* when the bound is met */
   double energy_interval[2];  /* low, high; NaN when the record is too short */
-  double beta_j;              /* minus the largest stored energy at the start of a trial */
+  double beta_j;              /* minus the most that the start of a trial could give back */
   int64_t trials;             /* with a series each */
 } ulna_passivity_info;
 
