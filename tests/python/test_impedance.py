@@ -518,11 +518,14 @@ def test_a_seed_repeats(one_run, errors):
     assert not np.array_equal(first[1], other[1])
 
 
-def test_estimates_are_not_pickled(one_run):
-    estimate = ulna.identify_impedance(one_run)
-    for copies in (pickle.dumps, copy.deepcopy):
-        with pytest.raises(TypeError, match="pointer and cannot be pickled"):
-            copies(estimate)
+def test_estimates_travel(one_run):
+    estimate = ulna.identify_impedance(one_run, model="symmetric", seed=3)
+    for copied in (pickle.loads(pickle.dumps(estimate)), copy.deepcopy(estimate)):
+        assert np.array_equal(copied.cov, estimate.cov) and np.array_equal(copied.K, estimate.K)
+        assert np.array_equal(copied.draws()["K"], estimate.draws()["K"])
+    beside = pickle.loads(pickle.dumps(estimate.least_squares))
+    assert beside.estimator == "least_squares"
+    assert np.array_equal(beside.K, estimate.least_squares.K)
     # What follows from one travels.
     verdict = pickle.loads(pickle.dumps(estimate.passivity()))
     assert verdict.verdict == estimate.passivity().verdict

@@ -385,6 +385,7 @@ class ImpedanceEstimate:
     record: Record
     _handle: _Impedance = field(repr=False)
     _fit: int = field(repr=False)
+    _settings: dict[str, Any] = field(repr=False)
 
     # Parameters and their uncertainty --------------------------------------------------------
 
@@ -530,6 +531,10 @@ class ImpedanceEstimate:
 
         return plot.overview(self)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # The same record and settings give the same bits, so they are all that has to travel.
+        return _again, (self.record, self._settings, self._fit)
+
     def __repr__(self) -> str:
         parts = []
         for name in ("M", "B", "K"):
@@ -550,7 +555,16 @@ def _lines(handle: _Impedance, which: int) -> tuple[str, ...]:
     return tuple(words.split("\n")) if words else ()
 
 
-def _estimate(handle: _Impedance, record: Record, fit: int = 0) -> ImpedanceEstimate:
+def _again(record: Record, settings: dict[str, Any], fit: int) -> ImpedanceEstimate:
+    with _warnings.catch_warnings():
+        _warnings.simplefilter("ignore", UncertainResult)
+        estimate = identify_impedance(record, **settings)
+    return estimate if fit == lib.ULNA_FIT_REPORTED else estimate.least_squares
+
+
+def _estimate(
+    handle: _Impedance, record: Record, settings: dict[str, Any], fit: int = 0
+) -> ImpedanceEstimate:
     info = result("ulna_impedance_info")
     check(lib.ulna_impedance_get_info(handle.pointer, info))
     about = result("ulna_fit_info")
@@ -597,7 +611,7 @@ def _estimate(handle: _Impedance, record: Record, fit: int = 0) -> ImpedanceEsti
         constrained=bool(about.constrained),
         estimator="instrumental_variables" if instrumental else "least_squares",
         least_squares=(
-            _estimate(handle, record, lib.ULNA_FIT_ALTERNATIVE)
+            _estimate(handle, record, settings, lib.ULNA_FIT_ALTERNATIVE)
             if reported and info.fits == 2 and instrumental
             else None
         ),
@@ -618,6 +632,7 @@ def _estimate(handle: _Impedance, record: Record, fit: int = 0) -> ImpedanceEsti
         record=record,
         _handle=handle,
         _fit=fit,
+        _settings=settings,
     )
 
 
@@ -822,6 +837,7 @@ def identify_impedance(
     >>> est.least_squares.outcome
     'closed_loop_biased'
     """
+    settings = {k: v for k, v in locals().items() if k not in ("record", "progress")}
     if not isinstance(record, Record):
         raise ArgumentError(
             f"record is a {type(record).__name__}; read one with ulna.read or make one with "
@@ -872,7 +888,7 @@ def identify_impedance(
         progress=progress,
         label="identify",
     )
-    estimate = _estimate(_Impedance(out[0]), record)
+    estimate = _estimate(_Impedance(out[0]), record, settings)
     if estimate.warnings:
         _warnings.warn(" ".join(estimate.warnings), UncertainResult, stacklevel=2)
     return estimate
