@@ -107,7 +107,7 @@ def one_run():
 
 
 @pytest.mark.parametrize("n", [1, 2, 3])
-@pytest.mark.parametrize("lowpass_hz", [None, 5.0, 0.0])
+@pytest.mark.parametrize("lowpass_hz", [None, 5.0])
 @pytest.mark.parametrize("with_reference", [False, True])
 def test_noise_free_recovery(n, lowpass_hz, with_reference):
     log, arm = exact(n, with_reference=with_reference)
@@ -118,6 +118,16 @@ def test_noise_free_recovery(n, lowpass_hz, with_reference):
     assert np.all(estimate.vaf > 100 - 1e-6) and estimate.outcome == "good"
     assert abs(estimate.lag_s) < 1e-9
     assert not estimate.warnings
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_noise_free_recovery_without_a_low_pass(n):
+    # Matching the derivative kernels costs noise above the band, which only a low pass takes away, so
+    # without one they are the published ones: at 3 Hz these are off by 1.2e-5, and so is the answer.
+    log, arm = exact(n)
+    estimate = ulna.identify_impedance(log, lowpass_hz=0.0)
+    assert estimate.preprocessing.lowpass_order == 0
+    assert off(estimate, arm) < 1.2e-5 and estimate.outcome == "good"
 
 
 def test_a_joint_in_degrees():
