@@ -563,14 +563,16 @@ def _again(record: Record, settings: dict[str, Any], fit: int) -> ImpedanceEstim
 
 
 def _estimate(
-    handle: _Impedance, record: Record, settings: dict[str, Any], fit: int = 0
+    handle: _Impedance,
+    record: Record,
+    settings: dict[str, Any],
+    preparation: Preprocessing,
+    fit: int = lib.ULNA_FIT_REPORTED,
 ) -> ImpedanceEstimate:
     info = result("ulna_impedance_info")
     check(lib.ulna_impedance_get_info(handle.pointer, info))
     about = result("ulna_fit_info")
     check(lib.ulna_impedance_get_fit(handle.pointer, fit, about))
-    report = result("ulna_prepare_report")
-    check(lib.ulna_impedance_get_preparation(handle.pointer, report))
     n = info.axes
     size = 3 * n * n + n
 
@@ -611,7 +613,7 @@ def _estimate(
         constrained=bool(about.constrained),
         estimator="instrumental_variables" if instrumental else "least_squares",
         least_squares=(
-            _estimate(handle, record, settings, lib.ULNA_FIT_ALTERNATIVE)
+            _estimate(handle, record, settings, preparation, lib.ULNA_FIT_ALTERNATIVE)
             if reported and info.fits == 2 and instrumental
             else None
         ),
@@ -627,7 +629,7 @@ def _estimate(
         train_s=info.train_s,
         refitted=bool(info.refitted),
         payload_kg=info.payload_kg,
-        preprocessing=_preprocessing(report),
+        preprocessing=preparation,
         provenance=_lines(handle, lib.ULNA_TEXT_PROVENANCE),
         record=record,
         _handle=handle,
@@ -888,7 +890,10 @@ def identify_impedance(
         progress=progress,
         label="identify",
     )
-    estimate = _estimate(_Impedance(out[0]), record, settings)
+    handle = _Impedance(out[0])
+    report = result("ulna_prepare_report")
+    check(lib.ulna_impedance_get_preparation(handle.pointer, report))
+    estimate = _estimate(handle, record, settings, _preprocessing(report))
     if estimate.warnings:
         _warnings.warn(" ".join(estimate.warnings), UncertainResult, stacklevel=2)
     return estimate
