@@ -12,21 +12,28 @@ import shlex
 import sys
 import warnings
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
-OK = 0
-BAD_INPUT = 2  # the file, the map or the command line must change
-FAILED_ANALYSIS = 3  # the input is sound but does not determine what was asked for
-INTERNAL = 4  # a defect of ulna
-INTERRUPTED = 130  # 128 + SIGINT, as shells have it
-
-_EXIT_CODES = """exit codes:
-  0  done; look at the outcome before you use the numbers
-  2  the file, the map or the command line is wrong
-  3  the recording does not determine what was asked for
-  4  a defect of ulna
-  130  interrupted"""
+from ._command import (
+    BAD_INPUT,
+    EXIT_CODES,
+    FAILED_ANALYSIS,
+    INTERNAL,
+    INTERRUPTED,
+    OK,
+    Parser,
+    Usage,
+    add_command,
+    check_folder,
+    count,
+    not_negative,
+    odd,
+    pair,
+    positive,
+    require_matplotlib,
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -75,7 +82,7 @@ def _with_negative_pair(words: list[str]) -> list[str]:
 def _explain(failure: Exception, options: argparse.Namespace) -> int:
     from . import AnalysisError, ArgumentError, DataError, FileError, FormatError, UnsupportedError
 
-    told = (ArgumentError, DataError, FileError, FormatError, UnsupportedError, OSError, _Usage)
+    told = (ArgumentError, DataError, FileError, FormatError, UnsupportedError, OSError, Usage)
     message = " ".join(str(failure).split())
     if isinstance(failure, AnalysisError | MemoryError):
         code = FAILED_ANALYSIS
@@ -118,27 +125,20 @@ def _remedy(message: str, options: argparse.Namespace) -> str:
     return ""
 
 
-class _Usage(Exception):
-    """The command cannot be done as asked."""
+# Modules with more commands, in the order of the help: `add_to(commands)` adds them.
+_COMMAND_MODULES: tuple[str, ...] = ()
 
 
 # The parser --------------------------------------------------------------------------------------
 
 
-class _Parser(argparse.ArgumentParser):
-    """Says in one line what is wrong with a command, without the whole usage above it."""
-
-    def error(self, message: str) -> NoReturn:
-        self.exit(BAD_INPUT, f"{self.prog}: {message}; see `{self.prog} --help`\n")
-
-
 def _parser() -> argparse.ArgumentParser:
     from . import __version__
 
-    parser = _Parser(
+    parser = Parser(
         prog="ulna",
         description="Impedance and passivity of a human limb from recordings with a robot.",
-        epilog="example:\n  ulna assess trial.csv --out report\n\n" + _EXIT_CODES,
+        epilog="example:\n  ulna assess trial.csv --out report\n\n" + EXIT_CODES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
@@ -149,28 +149,13 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", metavar="COMMAND")
     _add_assess(commands)
     _add_inspect(commands)
-    return parser
-
-
-def _add(commands: Any, name: str, *, summary: str, examples: str) -> argparse.ArgumentParser:
-    parser: argparse.ArgumentParser = commands.add_parser(
-        name,
-        help=summary,
-        description=summary[0].upper() + summary[1:] + ".",
-        epilog="examples:\n" + examples + "\n\n" + _EXIT_CODES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
-    )
-    # SUPPRESS keeps the value of `ulna --debug assess`.
-    parser.add_argument(
-        "--debug", action="store_true", default=argparse.SUPPRESS,
-        help="show the traceback of an error",
-    )  # fmt: skip
+    for module in _COMMAND_MODULES:
+        import_module(f"{__package__}.{module}").add_to(commands)
     return parser
 
 
 def _add_assess(commands: Any) -> None:
-    parser = _add(
+    parser = add_command(
         commands,
         "assess",
         summary="estimate inertia, damping and stiffness and judge passivity",
@@ -200,7 +185,7 @@ def _add_assess(commands: Any) -> None:
     model.add_argument("--no-damping", action="store_true", help="B = 0")
     model.add_argument("--diagonal-mass", action="store_true", help="M = m times the identity")
     model.add_argument(
-        "--payload", metavar="KG", type=_not_negative, default=0.0,
+        "--payload", metavar="KG", type=not_negative, default=0.0,
         help="mass between sensor and hand, taken off M, in kg (kg m^2 for a joint)",
     )  # fmt: skip
     fit = parser.add_argument_group("fit")
@@ -209,22 +194,22 @@ def _add_assess(commands: Any) -> None:
         help="least squares or instrumental variables; auto takes iv when the recording holds "
         "the reference",
     )  # fmt: skip
-    fit.add_argument("--lowpass", metavar="HZ", type=_positive, help="cut-off of the low pass")
-    fit.add_argument("--window", metavar="N", type=_odd, help="samples of the smoothing window")
-    fit.add_argument("--train", metavar="S", type=_positive, help="seconds that identify; the rest "
+    fit.add_argument("--lowpass", metavar="HZ", type=positive, help="cut-off of the low pass")
+    fit.add_argument("--window", metavar="N", type=odd, help="samples of the smoothing window")
+    fit.add_argument("--train", metavar="S", type=positive, help="seconds that identify; the rest "
                      "validates")  # fmt: skip
     fit.add_argument(
         "--errors", choices=("newey-west", "bootstrap"),
         help="how standard errors are found (default: newey-west)",
     )  # fmt: skip
     fit.add_argument(
-        "--bootstrap", metavar="N", type=_count,
+        "--bootstrap", metavar="N", type=count,
         help="number of resamplings; implies --errors bootstrap",
     )  # fmt: skip
     fit.add_argument("--seed", metavar="N", type=int, default=0, help="of the random draws")
     drawing = parser.add_argument_group("drawing")
     drawing.add_argument(
-        "--shoulder", metavar="X,Y", type=_pair,
+        "--shoulder", metavar="X,Y", type=pair,
         help="place of the shoulder in m, in the frame of the recording: ellipses are then drawn "
         "on an arm",
     )  # fmt: skip
@@ -232,7 +217,7 @@ def _add_assess(commands: Any) -> None:
 
 
 def _add_inspect(commands: Any) -> None:
-    parser = _add(
+    parser = add_command(
         commands,
         "inspect",
         summary="show what a file holds and draft a map for it",
@@ -244,49 +229,6 @@ def _add_inspect(commands: Any) -> None:
     parser.set_defaults(run=_inspect)
 
 
-def _number(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
-    if value != value or value in (float("inf"), float("-inf")):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a finite number")
-    return value
-
-
-def _positive(text: str) -> float:
-    value = _number(text)
-    if value <= 0:
-        raise argparse.ArgumentTypeError(f"{text} is not above 0")
-    return value
-
-
-def _not_negative(text: str) -> float:
-    value = _number(text)
-    if value < 0:
-        raise argparse.ArgumentTypeError(f"{text} is below 0")
-    return value
-
-
-def _odd(text: str) -> int:
-    if not text.isdecimal() or int(text) % 2 == 0:
-        raise argparse.ArgumentTypeError(f"{text!r} is not an odd number of samples")
-    return int(text)
-
-
-def _count(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number above 0")
-    return int(text)
-
-
-def _pair(text: str) -> tuple[float, float]:
-    parts = text.split(",")
-    if len(parts) != 2:
-        raise argparse.ArgumentTypeError(f"{text!r} is not two numbers, as 0,0")
-    return _number(parts[0]), _number(parts[1])
-
-
 # assess ------------------------------------------------------------------------------------------
 
 
@@ -296,10 +238,10 @@ def _assess(options: argparse.Namespace) -> int:
     from ._result import result
 
     if options.bootstrap is not None and options.errors == "newey-west":
-        raise _Usage("--bootstrap N needs --errors bootstrap: leave out --errors newey-west")
+        raise Usage("--bootstrap N needs --errors bootstrap: leave out --errors newey-west")
     if options.out is not None:
-        _require_matplotlib()
-        _check_folder(Path(options.out))
+        require_matplotlib()
+        check_folder(Path(options.out))
     record = options.record = ulna.read(options.file, map=options.map)
     if options.split:  # before the clock is made even, which gaps forbid
         record = options.record = record.split()
@@ -333,21 +275,6 @@ def _assess(options: argparse.Namespace) -> int:
     if page is not None:
         print(f"\nreport: {page}")
     return OK
-
-
-def _require_matplotlib() -> None:
-    try:
-        import matplotlib  # noqa: F401
-    except ImportError as failure:
-        raise _Usage(
-            "--out needs matplotlib: install it with `pip install ulna[plot]`"
-        ) from failure
-
-
-def _check_folder(folder: Path) -> None:
-    """Refuse before the work rather than after it."""
-    if folder.exists() and not folder.is_dir():
-        raise _Usage(f"--out {folder} is a file: give a folder")
 
 
 def _write_results(estimate: Any, page: Path, text: str, options: argparse.Namespace) -> None:
@@ -391,7 +318,7 @@ def _inspect(options: argparse.Namespace) -> int:
 
     target = None if options.out is None else Path(options.out)
     if target is not None and target.exists():
-        raise _Usage(f"{target} exists already: choose another name, so that no map is lost")
+        raise Usage(f"{target} exists already: choose another name, so that no map is lost")
     found = ulna.inspect(options.file, map=options.map)
     print(found.summary())
     if target is not None:

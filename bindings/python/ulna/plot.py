@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -19,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from ._figure import BLUE, GREEN, GREY, INK, ORANGE, SKY, WIDTH_IN, axes_grid, style
 from ._response import dynamic_stiffness, is_break, measured_response, raw_signals
 from .record import refuse
 
@@ -41,93 +41,10 @@ __all__ = [
     "unit_of",
 ]
 
-BLUE = "#0072B2"
-ORANGE = "#D55E00"
-GREEN = "#009E73"
-PINK = "#CC79A7"
-AMBER = "#E69F00"
-SKY = "#56B4E9"
-GREY = "#8A8A8A"
-INK = "#222222"
-
-# Widths are those of a report page, so nothing is scaled and 8 point text stays 8 point.
-WIDTH_IN = 7.0
-
-_STYLE = {
-    "font.family": "DejaVu Sans",
-    "font.size": 8.5,
-    "axes.titlesize": 9,
-    "axes.titleweight": "bold",
-    "axes.titlelocation": "left",
-    "axes.labelsize": 8.5,
-    "axes.edgecolor": "#666666",
-    "axes.labelcolor": INK,
-    "axes.linewidth": 0.7,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.prop_cycle": "cycler('color', ['#0072B2', '#D55E00', '#009E73', '#CC79A7', '#E69F00'])",
-    "axes.formatter.useoffset": False,
-    "grid.color": "#E4E4E4",
-    "grid.linewidth": 0.6,
-    "xtick.labelsize": 8,
-    "ytick.labelsize": 8,
-    "xtick.color": "#444444",
-    "ytick.color": "#444444",
-    "legend.fontsize": 8,
-    "legend.frameon": False,
-    "legend.handlelength": 1.8,
-    "lines.linewidth": 1.1,
-    "figure.dpi": 110,
-    "savefig.dpi": 200,
-    "svg.fonttype": "path",
-    "svg.hashsalt": "ulna",
-}
-
 _POINTS = 2000  # a line; more do not show on a page
 
 
-# Making axes -------------------------------------------------------------------------------------
-
-
-def _matplotlib() -> Any:
-    try:
-        import matplotlib
-    except ImportError as failure:
-        raise ImportError(
-            "figures need matplotlib: install it with `pip install ulna[plot]`"
-        ) from failure
-    return matplotlib
-
-
-@contextmanager
-def style() -> Iterator[None]:
-    """Context in which figures look as in the report: ``with ulna.plot.style(): ...``."""
-    settings = _matplotlib().rcParams
-    before = {name: settings[name] for name in _STYLE}
-    settings.update(_STYLE)
-    try:
-        yield
-    finally:
-        # Not rc_context: it would also take back the interactive mode that a notebook turns on
-        # when the first figure is made, and the next figures would not show.
-        settings.update(before)
-
-
-def _grid(
-    axes: Any, rows: int, columns: int, size: tuple[float, float], **options: Any
-) -> np.ndarray:
-    """The axes given, checked, or those of a new figure; always as a (rows, columns) array."""
-    if axes is None:
-        import matplotlib.pyplot as plt
-
-        figure = plt.figure(figsize=size, layout="constrained")
-        return figure.subplots(rows, columns, squeeze=False, **options)
-    given = np.atleast_1d(np.asarray(axes, dtype=object))
-    if given.size != rows * columns:
-        raise refuse(f"axes must hold {rows} x {columns} axes, got {given.size}", "axes")
-    return given.reshape(rows, columns)
+# Words and samples -------------------------------------------------------------------------------
 
 
 def _shown_position(estimate: Any) -> tuple[float, str]:
@@ -175,7 +92,7 @@ def record(record: Any, axes: Any = None) -> np.ndarray:
     `axes` holds as many axes as there are channels, less the references drawn with their position.
     """
     rows = _channel_rows(record)
-    grid = _grid(axes, len(rows), 1, (WIDTH_IN, 0.7 + 1.15 * len(rows)), sharex=True)
+    grid = axes_grid(axes, len(rows), 1, (WIDTH_IN, 0.7 + 1.15 * len(rows)), sharex=True)
     time, label = _drawn_clock(record)
     for ax, columns in zip(grid[:, 0], rows, strict=True):
         factor, unit = _drawn_unit(record.channels[columns[0]])
@@ -264,7 +181,7 @@ def signals(estimate: Any, axes: Any = None, *, span_s: float = 5.0) -> np.ndarr
     shown = estimate.signals("all")
     names = _label_axes(estimate)
     factor, unit = _shown_position(estimate)
-    grid = _grid(axes, estimate.n, 2, (WIDTH_IN, 1.1 + 1.35 * estimate.n), sharex=True)
+    grid = axes_grid(axes, estimate.n, 2, (WIDTH_IN, 1.1 + 1.35 * estimate.n), sharex=True)
     time = np.asarray(shown.time)
     begin = time[len(time) // 2]
     rows = (time >= begin) & (time <= begin + span_s)
@@ -296,7 +213,7 @@ def signals(estimate: Any, axes: Any = None, *, span_s: float = 5.0) -> np.ndarr
 def prediction(estimate: Any, axes: Any = None, *, span_s: float = 10.0) -> np.ndarray:
     """Measured against predicted force on data that the fit has not seen, an axes per direction."""
     held = _held_out(estimate)
-    grid = _grid(axes, estimate.n, 1, (WIDTH_IN, 0.9 + 1.35 * estimate.n), sharex=True)
+    grid = axes_grid(axes, estimate.n, 1, (WIDTH_IN, 0.9 + 1.35 * estimate.n), sharex=True)
     time = np.asarray(held.time)
     rows = slice(None) if not len(time) else time <= time[0] + span_s
     vaf = np.atleast_1d(estimate.vaf)
@@ -379,7 +296,7 @@ def ellipses(
         raise refuse(
             f"ellipses are drawn in the plane; this estimate has {estimate.n} axes", "estimate"
         )
-    grid = _grid(axes, 1, 3, (WIDTH_IN, 3.0 if shoulder_m is None else 3.5))
+    grid = axes_grid(axes, 1, 3, (WIDTH_IN, 3.0 if shoulder_m is None else 3.5))
     position = np.asarray(estimate.signals("all").position)
     centre = np.nanmean(position, axis=0)
     origin = centre if shoulder_m is None else np.asarray(shoulder_m, dtype=float)
@@ -497,7 +414,7 @@ def energy(source: Any, ax: Any = None) -> Any:
     from what may have been stored at the start.
     """
     verdict = source.passivity() if hasattr(source, "passivity") else source
-    ax = _grid(None if ax is None else [ax], 1, 1, (WIDTH_IN, 2.3))[0, 0]
+    ax = axes_grid(None if ax is None else [ax], 1, 1, (WIDTH_IN, 2.3))[0, 0]
     index = float(verdict.eop_energy)
     word = "excess" if index >= 0 else "shortage"
     unit = verdict.unit.replace("^2", "²")
@@ -569,7 +486,7 @@ def parameters(estimate: Any, axes: Any = None, *, truth: dict[str, Any] | None 
     """
     _check_truth(estimate, truth or {})
     entries = estimate.n**2
-    grid = _grid(axes, 2, 2, (WIDTH_IN, 1.6 + 0.42 * min(entries, 12)))
+    grid = axes_grid(axes, 2, 2, (WIDTH_IN, 1.6 + 0.42 * min(entries, 12)))
     methods = [(estimate, BLUE, "o", 0.0)]
     if estimate.least_squares is not None:
         methods = [(estimate, BLUE, "o", 0.14), (estimate.least_squares, ORANGE, "s", -0.14)]
@@ -632,7 +549,7 @@ def frequency_response(
     """
     n = estimate.n
     size = (WIDTH_IN, 2.6 if n == 1 else 0.8 + 1.75 * n)
-    grid = _grid(axes, n, n, size, sharex=True)
+    grid = axes_grid(axes, n, n, size, sharex=True)
     measured = measured_response(estimate) if points else None
     band = getattr(estimate.preprocessing, "band_hz", None)
     top = float(np.max(band)) if band is not None else 5.0
@@ -685,7 +602,7 @@ def human_share(estimate: Any, ax: Any = None) -> Any:
     rho = estimate.rho
     if rho is None:
         raise refuse("the estimate has no rho: the record holds no reference", "estimate")
-    ax = _grid(None if ax is None else [ax], 1, 1, (WIDTH_IN, 2.3))[0, 0]
+    ax = axes_grid(None if ax is None else [ax], 1, 1, (WIDTH_IN, 2.3))[0, 0]
     value = np.asarray(rho.value)
     value = value[:, None] if value.ndim == 1 else value
     total = np.atleast_1d(rho.total)

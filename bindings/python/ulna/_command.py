@@ -1,0 +1,114 @@
+"""What every command shares: exit codes, the parser's manners, kinds of arguments."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any, NoReturn
+
+OK = 0
+BAD_INPUT = 2  # the file, the map or the command line must change
+FAILED_ANALYSIS = 3  # the input is sound but does not determine what was asked for
+INTERNAL = 4  # a defect of ulna
+INTERRUPTED = 130  # 128 + SIGINT, as shells have it
+
+EXIT_CODES = """exit codes:
+  0  done; look at the outcome before you use the numbers
+  2  the file, the map or the command line is wrong
+  3  the recording does not determine what was asked for
+  4  a defect of ulna
+  130  interrupted"""
+
+
+class Usage(Exception):
+    """The command cannot be done as asked."""
+
+
+class Parser(argparse.ArgumentParser):
+    """Says in one line what is wrong with a command, without the whole usage above it."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(BAD_INPUT, f"{self.prog}: {message}; see `{self.prog} --help`\n")
+
+
+def add_command(commands: Any, name: str, *, summary: str, examples: str) -> argparse.ArgumentParser:
+    """A command with a help that shows examples and the exit codes."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        name,
+        help=summary,
+        description=summary[0].upper() + summary[1:] + ".",
+        epilog="examples:\n" + examples + "\n\n" + EXIT_CODES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    # SUPPRESS keeps the value of `ulna --debug assess`.
+    parser.add_argument(
+        "--debug", action="store_true", default=argparse.SUPPRESS,
+        help="show the traceback of an error",
+    )  # fmt: skip
+    return parser
+
+
+def number(text: str) -> float:
+    """A finite number."""
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number") from None
+    if value != value or value in (float("inf"), float("-inf")):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a finite number")
+    return value
+
+
+def positive(text: str) -> float:
+    """A number above 0."""
+    value = number(text)
+    if value <= 0:
+        raise argparse.ArgumentTypeError(f"{text} is not above 0")
+    return value
+
+
+def not_negative(text: str) -> float:
+    """A number that is 0 or more."""
+    value = number(text)
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"{text} is below 0")
+    return value
+
+
+def odd(text: str) -> int:
+    """An odd number of samples."""
+    if not text.isdecimal() or int(text) % 2 == 0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not an odd number of samples")
+    return int(text)
+
+
+def count(text: str) -> int:
+    """A whole number above 0."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number above 0")
+    return int(text)
+
+
+def pair(text: str) -> tuple[float, float]:
+    """Two numbers with a comma between."""
+    parts = text.split(",")
+    if len(parts) != 2:
+        raise argparse.ArgumentTypeError(f"{text!r} is not two numbers, as 0,0")
+    return number(parts[0]), number(parts[1])
+
+
+def require_matplotlib() -> None:
+    """Refuse `--out` early where there is nothing to draw with."""
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError as failure:
+        raise Usage(
+            "--out needs matplotlib: install it with `pip install ulna[plot]`"
+        ) from failure
+
+
+def check_folder(folder: Path) -> None:
+    """Refuse before the work rather than after it."""
+    if folder.exists() and not folder.is_dir():
+        raise Usage(f"--out {folder} is a file: give a folder")
