@@ -28,6 +28,7 @@ class Parser(argparse.ArgumentParser):
     """Says in one line what is wrong with a command, without the whole usage above it."""
 
     def error(self, message: str) -> NoReturn:
+        """Exit with the sentence."""
         self.exit(BAD_INPUT, f"{self.prog}: {message}; see `{self.prog} --help`\n")
 
 

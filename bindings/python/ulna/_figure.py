@@ -59,6 +59,7 @@ _STYLE = {
 
 
 def matplotlib_module() -> Any:
+    """matplotlib, or one sentence that says how to get it."""
     try:
         import matplotlib
     except ImportError as failure:

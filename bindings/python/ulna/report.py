@@ -6,9 +6,7 @@ it answers first and justifies later, and it prints on A4.
 
 from __future__ import annotations
 
-import base64
 import re
-from datetime import datetime, timezone
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -16,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from . import plot
+from ._page import definitions, document, figure, ordered
 from ._result import record_information
 from .record import refuse
 
@@ -45,56 +44,6 @@ _OUTCOMES = {
 }
 # Words that only say what could not be checked do not change the colour of the verdict.
 _HARMLESS = {"good", "unchecked"}
-
-_CSS = """
-:root { --ink: #1c1c1c; --soft: #5b5b5b; --line: #d9d9d9; --paper: #fff; }
-* { box-sizing: border-box; }
-body { margin: 0 auto; padding: 2.2rem 1.4rem 3rem; max-width: 53rem; background: var(--paper);
-  color: var(--ink); font: 16px/1.5 system-ui, "Segoe UI", "DejaVu Sans", Arial, sans-serif; }
-h1 { font-size: 1.55rem; line-height: 1.25; margin: 0 0 .2rem; overflow-wrap: anywhere; }
-h2 { font-size: 1.15rem; margin: 2.2rem 0 .6rem; }
-p { margin: .5rem 0; }
-.source { color: var(--soft); margin: 0 0 1.2rem; }
-.verdict { border-left: 6px solid var(--c); background: var(--b); padding: .9rem 1.2rem; }
-.verdict p { margin: .25rem 0; }
-.verdict .word { font-size: 1.35rem; font-weight: 700; }
-.good { --c: #009E73; --b: #edf8f4; } .bad { --c: #D55E00; --b: #fdf1e9; }
-.open { --c: #E69F00; --b: #fdf7e8; }
-.warn { border-left: 6px solid #E69F00; background: #fdf7e8; padding: .6rem 1.2rem;
-  margin: 1rem 0; }
-.warn p { margin: .3rem 0; }
-table { border-collapse: collapse; width: 100%; font-size: .93em;
-  font-variant-numeric: tabular-nums; }
-th, td { text-align: right; padding: .28rem .6rem; border-bottom: 1px solid var(--line);
-  white-space: nowrap; }
-thead th { border-bottom: 2px solid var(--ink); font-weight: 600; }
-.dense { font-size: .85em; } .dense th, .dense td { padding: .28rem .4rem; }
-th:first-child, td:first-child { text-align: left; padding-left: 0; }
-td.words { text-align: left; white-space: normal; }
-tbody tr.first th, tbody tr.first td { border-top: 2px solid var(--line); }
-tbody th { font-weight: 400; }
-.scroll { overflow-x: auto; }
-.soft { color: var(--soft); }
-i.q { font-family: Georgia, "DejaVu Serif", serif; }
-figure { margin: 1.6rem 0; }
-figure h3 { font-size: 1rem; margin: 0 0 .4rem; }
-figure img { display: block; width: 100%; height: auto; }
-figcaption { color: var(--soft); font-size: .9rem; margin-top: .4rem; }
-dl { display: grid; grid-template-columns: max-content 1fr; gap: .25rem 1.4rem; margin: .5rem 0; }
-dt { color: var(--soft); } dd { margin: 0; overflow-wrap: anywhere; }
-ol { padding-left: 1.3rem; margin: .4rem 0; }
-footer { margin-top: 2.4rem; border-top: 1px solid var(--line); padding-top: .6rem;
-  color: var(--soft); font-size: .85rem; }
-@media (max-width: 34rem) { dl { grid-template-columns: 1fr; } dd { margin-bottom: .4rem; } }
-@page { size: A4; margin: 16mm 15mm; }
-@media print {
-  body { max-width: none; padding: 0; font-size: 10.5pt; }
-  figure, .verdict, .warn, tr, dl { break-inside: avoid; }
-  h2, h3 { break-after: avoid; }
-  .verdict, .warn { -webkit-print-color-adjust: exact; print-color-adjust: exact; }
-  .scroll { overflow: visible; }
-}
-"""
 
 
 def report(
@@ -166,19 +115,12 @@ def _page(
         _passivity(estimate, verdict),
         _ellipses(estimate),
         "<h2>Figures</h2>",
-        *[_figure(picture) for picture in figures],
+        *[figure(picture) for picture in figures],
         "<h2>How it was done</h2>",
         _method(estimate, command),
-        _footer(),
     ]
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)}{escape(' · ' + source if source else '')}</title>\n"
-        f"<style>{_CSS}</style>\n</head>\n<body>\n<main>\n"
-        + "\n".join(part for part in parts if part)
-        + "\n</main>\n</body>\n</html>\n"
-    )
+    heading = f"{title} · {source}" if source else title
+    return document(heading, parts)
 
 
 # Numbers -----------------------------------------------------------------------------------------
@@ -475,10 +417,6 @@ def _trials(estimate: Any) -> str:
     )
 
 
-def _definition(pairs: list[tuple[str, str]]) -> str:
-    return "<dl>" + "".join(f"<dt>{a}</dt><dd>{b}</dd>" for a, b in pairs if b) + "</dl>"
-
-
 def _passivity(estimate: Any, verdict: Any) -> str:
     unit = escape(plot.unit_of(estimate, "B"))
     pairs = [("Why", escape(str(verdict.reason)))]
@@ -514,7 +452,7 @@ def _passivity(estimate: Any, verdict: Any) -> str:
         total = f"{sum(ends):.3g}".replace("-", "−")
         over = "the record" if len(ends) == 1 else f"{len(ends)} trials"
         pairs.append(("Energy absorbed", f"{total} J over {over}"))
-    return _definition(pairs)
+    return definitions(pairs)
 
 
 def _ellipses(estimate: Any) -> str:
@@ -563,16 +501,6 @@ def _shape_words(shape: Any) -> str:
     return value_and_interval(value, shape.shape_interval)
 
 
-def _figure(picture: plot.Picture) -> str:
-    data = base64.b64encode(picture.svg).decode("ascii")
-    text = escape(picture.title + ". " + picture.caption, quote=True)
-    return (
-        f'<figure id="{escape(picture.name)}"><h3>{escape(picture.title)}</h3>'
-        f'<img alt="{text}" src="data:image/svg+xml;base64,{data}">'
-        f"<figcaption>{escape(picture.caption)}</figcaption></figure>"
-    )
-
-
 def _method(estimate: Any, command: str | None) -> str:
     force = "torque" if estimate.rotational else "force"
     prepared = estimate.preprocessing
@@ -593,19 +521,14 @@ def _method(estimate: Any, command: str | None) -> str:
             lag += f", standard error {1e3 * spread:.2f} ms"
         pairs.append((f"Lag between {force} and position", lag))
     facts = record_information(estimate.record)
-    pairs.append(("Provenance", _list(estimate.provenance)))
+    pairs.append(("Provenance", ordered(estimate.provenance)))
     found = [finding["message"] for finding in facts["findings"]]
-    pairs.append(("Seen in the data", _list(found)))
+    pairs.append(("Seen in the data", ordered(found)))
     if command:
         pairs.append(("Command", f"<code>{escape(command)}</code>"))
     notes = "".join(f"<li>{_with_symbols(estimate, str(note))}</li>" for note in estimate.notes)
     pairs.append(("Notes", f"<ol>{notes}</ol>" if notes else ""))
-    return _definition(pairs)
-
-
-def _list(sentences: Any) -> str:
-    items = "".join(f"<li>{escape(str(sentence))}</li>" for sentence in sentences)
-    return f"<ol>{items}</ol>" if items else ""
+    return definitions(pairs)
 
 
 def _payload(estimate: Any) -> str:
@@ -623,14 +546,3 @@ def _split_words(estimate: Any) -> str:
 def _finite(estimate: Any, name: str) -> bool:
     value = getattr(estimate, name, None)
     return value is not None and bool(np.isfinite(value))
-
-
-def _footer() -> str:
-    from . import __version__, build_information
-
-    build = build_information()
-    now = datetime.now(timezone.utc).strftime("%Y-%m-%d %H:%M UTC")
-    return (
-        f"<footer>ulna {escape(__version__)} · {escape(build.get('build', ''))} · "
-        f"NumPy {escape(np.__version__)} · written {now}</footer>"
-    )
