@@ -53,7 +53,7 @@ _HOMES = {
     "ellipse": "impedance",
     "report": "report",
 }
-_MODULES = ("signal", "record", "io", "impedance", "passivity", "plot", "report", "cli")
+_MODULES = ("signal", "record", "io", "impedance", "passivity", "plot", "report", "validate", "cli")
 
 __all__ = [
     "AnalysisError",

@@ -37,7 +37,7 @@ th, td { text-align: right; padding: .28rem .6rem; border-bottom: 1px solid var(
 thead th { border-bottom: 2px solid var(--ink); font-weight: 600; }
 .dense { font-size: .85em; } .dense th, .dense td { padding: .28rem .4rem; }
 th:first-child, td:first-child { text-align: left; padding-left: 0; }
-td.words { text-align: left; white-space: normal; }
+td.words, th.words { text-align: left; white-space: normal; }
 tbody tr.first th, tbody tr.first td { border-top: 2px solid var(--line); }
 tbody th { font-weight: 400; }
 .scroll { overflow-x: auto; }
@@ -76,17 +76,28 @@ def document(title: str, parts: Iterable[str]) -> str:
     )
 
 
-def table(head: Sequence[str], rows: Iterable[Sequence[str]], *, dense: bool = False) -> str:
-    """A table of HTML cells; the first of every row names it."""
-    top = "".join(f"<th scope=col>{cell}</th>" for cell in head)
-    body = "".join(
-        f"<tr><th scope=row>{row[0]}</th>" + "".join(f"<td>{cell}</td>" for cell in row[1:]) + "</tr>"
-        for row in rows
+def table(
+    head: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    *,
+    dense: bool = False,
+    words: Sequence[int] = (),
+) -> str:
+    """A table of HTML cells; the first of every row names it. Columns `words` hold text."""
+
+    def cells(row: Sequence[str]) -> str:
+        kinds = [' class="words"' if i in words else "" for i in range(len(row))]
+        told = [f"<td{kind}>{cell}</td>" for kind, cell in zip(kinds, row, strict=True)]
+        return f"<tr><th scope=row>{row[0]}</th>{''.join(told[1:])}</tr>"
+
+    top = "".join(
+        f"<th scope=col{' class=words' if i in words else ''}>{cell}</th>"
+        for i, cell in enumerate(head)
     )
     kind = ' class="dense"' if dense else ""
     return (
         f'<div class="scroll"><table{kind}><thead><tr>{top}</tr></thead>'
-        f"<tbody>{body}</tbody></table></div>"
+        f"<tbody>{''.join(cells(row) for row in rows)}</tbody></table></div>"
     )
 
 
