@@ -2,6 +2,7 @@
 #include <charconv>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <memory>
 #include <system_error>
 
@@ -36,16 +37,61 @@ std::string heading(const Channel& channel) {
   return out + "\"";
 }
 
+[[noreturn]] void refuse(const std::string& path, int code) {
+  throw Error(Fault::kFile, "path",
+              "\"" + path + "\" cannot be written: " + std::generic_category().message(code), path);
+}
+
+// A neighbour of the file that takes its place when it is whole: a full disk or a cancelled call
+// leaves what was there before. Devices and pipes are written directly.
+class Draft {
+ public:
+  explicit Draft(const std::string& path) : path_(path), written_(path) {
+    std::error_code ignored;
+    const std::filesystem::file_status status = std::filesystem::status(path, ignored);
+    if (!std::filesystem::exists(status)) {
+      written_ += ".part";
+    } else if (std::filesystem::is_regular_file(status)) {
+      // A link stays a link: what it names is replaced.
+      path_ = std::filesystem::canonical(path, ignored).string();
+      if (path_.empty()) path_ = path;
+      written_ = path_ + ".part";
+    }
+    file_.reset(std::fopen(written_.c_str(), "wb"));
+    if (file_ == nullptr) refuse(path, errno);
+  }
+  Draft(const Draft&) = delete;
+  Draft& operator=(const Draft&) = delete;
+  ~Draft() {
+    if (file_ == nullptr) return;
+    file_.reset();
+    if (written_ != path_) std::remove(written_.c_str());
+  }
+
+  void write(const std::string& text) {
+    errno = 0;
+    if (std::fwrite(text.data(), 1, text.size(), file_.get()) != text.size()) refuse(path_, errno);
+  }
+  void finish() {
+    // The last bytes may fail only now.
+    errno = 0;
+    if (std::fflush(file_.get()) != 0) refuse(path_, errno);
+    if (written_ != path_ && std::rename(written_.c_str(), path_.c_str()) != 0) {
+      refuse(path_, errno);
+    }
+    file_.reset();
+  }
+
+ private:
+  std::string path_;
+  std::string written_;
+  std::unique_ptr<std::FILE, Close> file_;
+};
+
 }  // namespace
 
 void write_csv(const Record& record, const std::string& path, Token* token) {
-  std::unique_ptr<std::FILE, Close> file(std::fopen(path.c_str(), "wb"));
-  const auto refuse = [&](int code) {
-    throw Error(Fault::kFile, "path",
-                "\"" + path + "\" cannot be written: " + std::generic_category().message(code),
-                path);
-  };
-  if (file == nullptr) refuse(errno);
+  Draft file(path);
   std::string out = format_notes(record) + "time [s]";
   for (const Channel& channel : record.channels()) out.append(",").append(heading(channel));
   out += "\n";
@@ -58,14 +104,11 @@ void write_csv(const Record& record, const std::string& path, Token* token) {
     }
     out += '\n';
     if (out.size() < 65536 && i + 1 < record.rows()) continue;
-    errno = 0;
-    if (std::fwrite(out.data(), 1, out.size(), file.get()) != out.size()) refuse(errno);
+    file.write(out);
     out.clear();
     step(token, static_cast<double>(i + 1) / static_cast<double>(record.rows()));
   }
-  // The last bytes may fail only now.
-  errno = 0;
-  if (std::fflush(file.get()) != 0) refuse(errno);
+  file.finish();
 }
 
 }  // namespace ulna

@@ -611,6 +611,8 @@ class Record:
     def to_csv(self, path: str | os.PathLike[str], *, progress: bool = False) -> None:
         """Write a text table that `ulna.read` reads back to the same bits.
 
+        A file of that name is replaced only by a whole one.
+
         Examples
         --------
         >>> import os, tempfile

@@ -297,7 +297,8 @@ ULNA_API ulna_status ulna_record_join(const ulna_record *const *records, int64_t
 ULNA_API ulna_status ulna_record_regularise(const ulna_record *record, double rate_hz,
                                             ulna_token *token, ulna_record **out_record);
 
-/** Writes a text table that ulna_record_read_csv reads back to the same bits.
+/** Writes a text table that ulna_record_read_csv reads back to the same bits. A file of that name
+ * is replaced only by a whole one; a call that fails or is cancelled leaves it.
  * @thread shared record
  * @since 0.1 */
 ULNA_API ulna_status ulna_record_write_csv(const ulna_record *record, const char *path,

@@ -201,6 +201,43 @@ class Written : public ::testing::Test {
   void TearDown() override { std::filesystem::remove(path); }
 };
 
+Channel plain(const char* name) {
+  Channel channel;
+  channel.name = name;
+  channel.unit = "m";
+  return channel;
+}
+
+TEST_F(Written, ACancelledCallLeavesWhatWasThere) {
+  std::ofstream(path) << "what was there";
+  Record::Parts parts;
+  parts.values = Matrix::Zero(40000, 3);
+  parts.rate_hz = 1000.0;
+  parts.channels = {plain("x"), plain("y"), plain("z")};
+  Token token;
+  token.cancel();
+  EXPECT_THROW(write_csv(Record::make(parts), path, &token), Error);
+  std::string text;
+  std::getline(std::ifstream(path), text);
+  EXPECT_EQ(text, "what was there");
+  EXPECT_FALSE(std::filesystem::exists(path + ".part"));
+}
+
+TEST_F(Written, ALinkStaysALink) {
+  const std::string link = path + ".link";
+  std::ofstream(path) << "old";
+  std::filesystem::remove(link);
+  std::filesystem::create_symlink(path, link);
+  Record::Parts parts;
+  parts.values = Matrix::Zero(3, 1);
+  parts.rate_hz = 1.0;
+  parts.channels = {plain("x")};
+  write_csv(Record::make(parts), link);
+  EXPECT_TRUE(std::filesystem::is_symlink(link));
+  EXPECT_EQ(read_csv(path).record.rows(), 3);
+  std::filesystem::remove(link);
+}
+
 TEST_F(Written, ReadsBackBitForBit) {
   Record::Parts parts;
   const Index rows = 300;
