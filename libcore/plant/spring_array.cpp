@@ -135,6 +135,14 @@ double SpringArray::energy(const Vector2& position) const noexcept {
 }
 
 SpringEquilibrium SpringArray::equilibrium() const {
+  SpringEquilibrium out;
+  if (find_equilibrium(out)) return out;
+  throw Error(Fault::kAnalysis, "springs",
+              "the springs do not hold the handle in every direction: too many hang slack or pull "
+              "along one line; add a spring or shorten one");
+}
+
+bool SpringArray::find_equilibrium(SpringEquilibrium& out) const {
   double rates = 0.0;
   double size = 0.0;
   Vector2 r = Vector2::Zero();
@@ -145,7 +153,7 @@ SpringEquilibrium SpringArray::equilibrium() const {
   r /= rates;
   for (const Spring& s : springs_) size = std::max({size, s.rest, (s.anchor - r).norm()});
 
-  SpringEquilibrium out;
+  out = {};
   // Rounding of a sum of forces of the size of rate times length.
   const double small = 1e-14 * rates * size;
   Vector2 f = force(r);
@@ -180,12 +188,7 @@ SpringEquilibrium SpringArray::equilibrium() const {
     out.slack.push_back(stretch <= 0.0);
     if (stretch > 0.0) out.slack_radius = std::min(out.slack_radius, stretch);
   }
-  if (!(out.eigenvalues(0) > 1e-9 * rates) || out.residual_n > 1e-9 * rates * size) {
-    throw Error(Fault::kAnalysis, "springs",
-                "the springs do not hold the handle in every direction: too many hang slack or "
-                "pull along one line; add a spring or shorten one");
-  }
-  return out;
+  return out.eigenvalues(0) > 1e-9 * rates && out.residual_n <= 1e-9 * rates * size;
 }
 
 Linearity SpringArray::linearity(const SpringEquilibrium& at, double radius) const {

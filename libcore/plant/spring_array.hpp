@@ -81,6 +81,9 @@ class SpringArray {
   // springs do not hold the handle: no equilibrium of positive definite stiffness.
   SpringEquilibrium equilibrium() const;
 
+  // The same without an exception: false when the springs do not hold the handle.
+  bool find_equilibrium(SpringEquilibrium& out) const;
+
   // The worst displacement of at most `radius` by a polar search refined along the angle.
   Linearity linearity(const SpringEquilibrium& at, double radius) const;
 
