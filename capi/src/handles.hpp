@@ -3,11 +3,13 @@
 
 #include <ulna/base.h>
 
+#include <memory>
 #include <vector>
 
 #include "base/token.hpp"
 #include "impedance/estimate.hpp"
 #include "passivity/verdict.hpp"
+#include "plant/planar_robot.hpp"
 #include "record/csv.hpp"
 
 struct ulna_token {
@@ -27,6 +29,10 @@ struct ulna_impedance {
 
 struct ulna_passivity {
   ulna::Verdict verdict;
+};
+
+struct ulna_robot {
+  std::shared_ptr<const ulna::PlanarRobot> robot;
 };
 
 namespace ulna::capi {

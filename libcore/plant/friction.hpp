@@ -33,11 +33,13 @@ inline double friction_slope(const Friction& f) {
 }
 
 // Throws Error (kArgument) unless the parts are finite and not negative, breakaway is at least
-// sliding, and the threshold is positive where it is needed. joint: for the message, from 1.
+// sliding, and the threshold is positive where it is needed. joint: for the message, from 1; 0:
+// none.
 inline void check_friction(const Friction& f, const char* argument, int joint) {
-  const std::string where = "joint " + std::to_string(joint);
+  const std::string where = joint == 0 ? "" : "joint " + std::to_string(joint);
+  const std::string whose = joint == 0 ? "the friction" : "the friction of " + where;
   const auto refuse = [&](bool wrong, const std::string& what) {
-    if (wrong) throw Error(Fault::kArgument, argument, "the friction of " + where + what, where);
+    if (wrong) throw Error(Fault::kArgument, argument, whose + what, where);
   };
   refuse(!(std::isfinite(f.sliding) && std::isfinite(f.breakaway) && std::isfinite(f.viscous) &&
            std::isfinite(f.threshold)),

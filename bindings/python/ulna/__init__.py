@@ -53,7 +53,19 @@ _HOMES = {
     "ellipse": "impedance",
     "report": "report",
 }
-_MODULES = ("signal", "record", "io", "impedance", "passivity", "plot", "report", "validate", "cli")
+_MODULES = (
+    "signal",
+    "record",
+    "io",
+    "impedance",
+    "passivity",
+    "plant",
+    "sim",
+    "plot",
+    "report",
+    "validate",
+    "cli",
+)
 
 __all__ = [
     "AnalysisError",

@@ -7,6 +7,7 @@
 #include <ulna/ident.h>
 #include <ulna/impedance.h>
 #include <ulna/passivity.h>
+#include <ulna/plant.h>
 #include <ulna/record.h>
 #include <ulna/signal.h>
 
