@@ -1,0 +1,31 @@
+#include "ident/wide.hpp"
+
+#include <algorithm>
+
+#include "signal/butterworth.hpp"
+
+namespace ulna {
+
+double chosen_lowpass(const Record& record, const std::vector<Index>& channels,
+                      const PrepareOptions& options) {
+  // As in prepare: both passes together pass 95 % of the motion, from 5 to 60 Hz.
+  const double rate = record.rate_hz();
+  const double most = std::min(60.0, 0.2 * rate);
+  const double least = std::min(5.0, most);
+  const double band = std::min(motion_band(record, channels, 0.95, 0.2 * rate), most);
+  const int order = options.lowpass_order == 0 ? 5 : options.lowpass_order;
+  const double lowpass = band > 0.5 * least ? corrected_cutoff(order, band, rate) : least;
+  return std::clamp(lowpass, least, most);
+}
+
+PrepareOptions wide_options(const Record& record, const std::vector<Index>& channels,
+                            const PrepareOptions& options, double times) {
+  PrepareOptions out = options;
+  if (options.lowpass_hz != 0.0) return out;
+  out.lowpass_hz =
+      std::min(times * chosen_lowpass(record, channels, options), 0.2 * record.rate_hz());
+  out.corrected = false;
+  return out;
+}
+
+}  // namespace ulna
