@@ -18,7 +18,7 @@ SOURCES := CMakeLists.txt pyproject.toml $(wildcard README.md LICENSE) \
   $(shell find cmake libcore capi/include capi/src capi/tools bindings/python -type f \
     -not -name '*.pyc' 2>/dev/null)
 
-.PHONY: help demo test bench docs format lint clean packages configure
+.PHONY: help demo test study bench docs format lint clean packages configure
 help:  ## this list
 	@sed -n 's/^\([a-z]*\):.*## /make \1\t/p' Makefile
 
@@ -28,6 +28,9 @@ demo: .venv/installed  ## set up, build, and assess the bundled recording
 test: .venv/installed configure  ## set up, build, and run every test
 	@cmake --build build
 	@$(PYTHON) tests/run.py build
+
+study: .venv/installed  ## run the longer studies, which `make test` leaves out
+	@$(PYTHON) -m pytest -q -m slow -n $(JOBS) --dist loadfile
 
 bench: .venv/installed  ## measure speed, beside plain NumPy and SciPy
 	@cmake -S . -B build-bench -G Ninja -DULNA_BUILD_BENCH=ON -DULNA_BUILD_TESTS=OFF \

@@ -39,8 +39,8 @@ def main() -> int:
         "ctest.xml": ["ctest", "--test-dir", str(build), "--output-on-failure", "--progress",
                       "--no-tests=error", "-j", jobs, "--timeout", "600",
                       "--output-junit", str(reports / "ctest.xml")],
-        "pytest.xml": [sys.executable, "-m", "pytest", "-q", "--junitxml",
-                       str(reports / "pytest.xml")],
+        "pytest.xml": [sys.executable, "-m", "pytest", "-q", "-n", jobs, "--dist", "loadfile",
+                       "--junitxml", str(reports / "pytest.xml")],
     }  # fmt: skip
     sums = {"passed": 0, "failed": 0, "skipped": 0}
     for name, command in runs.items():
