@@ -7,7 +7,11 @@
 #include <vector>
 
 #include "base/token.hpp"
+#include "ident/force_errors.hpp"
+#include "ident/robot_parameters.hpp"
+#include "ident/sensor_check.hpp"
 #include "impedance/estimate.hpp"
+#include "impedance/force_budget.hpp"
 #include "passivity/verdict.hpp"
 #include "plant/planar_robot.hpp"
 #include "record/csv.hpp"
@@ -33,6 +37,29 @@ struct ulna_passivity {
 
 struct ulna_robot {
   std::shared_ptr<const ulna::PlanarRobot> robot;
+};
+
+struct ulna_sensed {
+  ulna::Record record;
+  ulna::ForceErrors errors;
+  ulna::Matrix random;  // rows x 6 of a virtual sensor, else empty
+  ulna::Matrix total;   // rows x axes
+  bool accelerometer = false;
+  double worst_quality = 1.0;
+  ulna::Index worst_row = 0;
+  double lowpass_hz = 0.0;
+};
+
+struct ulna_force_budget {
+  ulna::ForceBudget budget;
+};
+
+struct ulna_sensor_check {
+  ulna::SensorCheck check;
+};
+
+struct ulna_robot_fit {
+  ulna::RobotFit fit;
 };
 
 namespace ulna::capi {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <memory>
 
+#include "finding.hpp"
 #include "guard.hpp"
 #include "handles.hpp"
 #include "ident/regularise.hpp"
@@ -15,18 +16,6 @@ using namespace ulna;
 using namespace ulna::capi;
 
 namespace {
-
-template <std::size_t N>
-void put(char (&out)[N], const std::string& text) {
-  std::size_t size = std::min(text.size(), N - 1);
-  // Never cut in the middle of a UTF-8 sequence.
-  while (size < text.size() && size > 0 &&
-         (static_cast<unsigned char>(text[size]) & 0xC0u) == 0x80u) {
-    --size;
-  }
-  std::memcpy(out, text.data(), size);
-  std::memset(out + size, 0, N - size);
-}
 
 template <std::size_t N>
 std::string take(const char (&text)[N], const char* argument) {
@@ -307,14 +296,7 @@ ulna_status ulna_record_get_finding(const ulna_record* record, int64_t index,
                                     ulna_finding* out_finding) {
   return guarded([&] {
     const Finding& in = item(deref(record, "record").findings, index);
-    ulna_finding finding = {};
-    finding.row = in.row;
-    finding.count = in.count;
-    finding.severity = static_cast<int32_t>(in.severity);
-    put(finding.code, in.code);
-    put(finding.channel, in.channel);
-    put(finding.message, in.message);
-    write_result(out_finding, finding, "out_finding");
+    write_result(out_finding, finding_struct(in), "out_finding");
   });
 }
 

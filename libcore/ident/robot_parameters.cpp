@@ -187,8 +187,10 @@ RobotFit identify_robot(const Record& record, const PlanarRobot& robot,
     require_unit(record, found, unit, advice);
     return found;
   };
-  const std::vector<Index> angle = two(options.angle, "angle", "rad", "name the joint angles");
-  const std::vector<Index> torque = two(options.torque, "torque", "Nm", "name the motor torques");
+  const std::vector<Index> angle = two(first_word(record, options.angle, {"theta", "q"}), "angle",
+                                       "rad", "name the joint angles");
+  const std::vector<Index> torque =
+      two(first_word(record, options.torque, {"tau"}), "torque", "Nm", "name the motor torques");
   std::vector<Index> reference;
   if (!options.reference.empty()) {
     reference = two(options.reference, "reference", "rad", "name the commanded joint angles");

@@ -21,16 +21,16 @@
 namespace ulna {
 
 struct RobotFitOptions {
-  std::string angle = "theta";      // words for two channels each: joint angles, rad
-  std::string torque = "tau";       // motor torques, Nm
-  std::string reference;            // commanded angles, rad; "": the log holds none
-  std::string force;                // external force, N; "": the robot moved freely
-  bool dry_friction = false;        // two columns more
-  double dry_threshold = 0.02;      // w, rad/s: the friction's sign turns within it
-  bool least_squares = false;       // report least squares even where there is a reference
-  PrepareOptions prepare;           // the narrow filter; lowpass_hz 0: from the motion
-  double train_s = 0.0;             // 0: first 40 s of a trial, at most 80 %
-  double lag_s = 0.4;               // of the Newey-West errors
+  std::string angle;            // words for two channels each: joint angles, rad; "": theta, else q
+  std::string torque;           // motor torques, Nm; "": tau
+  std::string reference;        // commanded angles, rad; "": the log holds none
+  std::string force;            // external force, N; "": the robot moved freely
+  bool dry_friction = false;    // two columns more
+  double dry_threshold = 0.02;  // w, rad/s: the friction's sign turns within it
+  bool least_squares = false;   // report least squares even where there is a reference
+  PrepareOptions prepare;       // the narrow filter; lowpass_hz 0: from the motion
+  double train_s = 0.0;         // 0: first 40 s of a trial, at most 80 %
+  double lag_s = 0.4;           // of the Newey-West errors
   double condition_limit = 1000.0;  // above: an error that names the direction
   int threads = 0;
 };

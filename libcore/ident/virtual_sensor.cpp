@@ -91,9 +91,9 @@ Channels find_channels(const Record& record, const VirtualSensorOptions& options
                 " channels; the robot has two joints and its handle two axes");
     return found;
   };
-  out.angle = two(options.angle, "angle");
+  out.angle = two(first_word(record, options.angle, {"theta", "q"}), "angle");
   require_unit(record, out.angle, "rad", "name the joint angles, or correct the unit in a map");
-  out.torque = two(options.torque, "torque");
+  out.torque = two(first_word(record, options.torque, {"tau"}), "torque");
   require_unit(record, out.torque, "Nm", "name the motor torques, or correct the unit in a map");
   if (!options.acceleration.empty()) {
     out.acceleration = two(options.acceleration, "acceleration");

@@ -18,8 +18,8 @@
 namespace ulna {
 
 struct VirtualSensorOptions {
-  std::string angle = "theta";  // words for two channels each: joint angles, rad
-  std::string torque = "tau";   // motor torques, Nm
+  std::string angle;            // words for two channels each: joint angles, rad; "": theta, else q
+  std::string torque;           // motor torques, Nm; "": tau
   std::string acceleration;     // of the handle in the robot's frame, m/s^2; "": differentiate
   std::string reference;        // commanded angles, rad, or positions, m; "": none
   PrepareOptions prepare;       // of every signal; lowpass_hz 0: wide open over the motion's band

@@ -45,6 +45,17 @@ std::vector<Index> channels_of(const Record& record, const std::string& word,
   }
 }
 
+std::string first_word(const Record& record, const std::string& word,
+                       const std::vector<std::string>& usual) {
+  if (!word.empty()) return word;
+  for (const std::string& candidate : usual) {
+    for (const Channel& channel : record.channels()) {
+      if (channel.name == candidate || channel.name.starts_with(candidate + "_")) return candidate;
+    }
+  }
+  return usual.front();
+}
+
 void require_unit(const Record& record, const std::vector<Index>& channels, const std::string& unit,
                   const std::string& advice) {
   for (const Index c : channels) {

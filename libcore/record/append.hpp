@@ -19,6 +19,11 @@ Record append_channels(const Record& record, const Matrix& values,
 // with commas names ("a,b" or "a,"). Errors name `argument`.
 std::vector<Index> channels_of(const Record& record, const std::string& word, const char* argument);
 
+// The word itself, or where it is empty the first of the usual ones that stands for channels (the
+// first of all when none does, so that the message names it).
+std::string first_word(const Record& record, const std::string& word,
+                       const std::vector<std::string>& usual);
+
 // Throws Error (kData) unless every channel has the SI unit; `advice` ends the sentence.
 void require_unit(const Record& record, const std::vector<Index>& channels, const std::string& unit,
                   const std::string& advice);

@@ -9,6 +9,7 @@
 #include <ulna/passivity.h>
 #include <ulna/plant.h>
 #include <ulna/record.h>
+#include <ulna/rig.h>
 #include <ulna/signal.h>
 
 #endif
