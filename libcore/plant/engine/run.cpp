@@ -1,0 +1,213 @@
+#include "plant/engine/run.hpp"
+
+#include <mujoco/mujoco.h>
+
+#include <vector>
+
+#include "base/error.hpp"
+#include "plant/engine/trap.hpp"
+#include "signal/finite.hpp"
+
+namespace ulna {
+namespace {
+
+using engine::contained;
+
+struct Making {
+  const mjModel* model;
+  mjData* data = nullptr;
+  void operator()() { data = mj_makeData(model); }
+};
+
+mjData* make_data(const mjModel* model) {
+  Making making{.model = model};
+  std::string reason;
+  if (!contained(making, reason) || making.data == nullptr) {
+    throw Error(Fault::kMemory, "", "there is not enough memory for a run of this scene");
+  }
+  return making.data;
+}
+
+std::string seconds(double time) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.4g s", time);
+  return text;
+}
+
+std::string joint_of(const EngineModel& model, int dof) {
+  const mjModel* m = model.raw();
+  if (dof < 0 || dof >= m->nv) return "";
+  return " of joint '" + model.name(Part::kJoint, m->dof_jntid[dof]) + "'";
+}
+
+}  // namespace
+
+EngineRun::EngineRun(EngineModel model)
+    : model_(std::move(model)), data_(make_data(model_.raw()), mj_deleteData) {
+  data_->time = 0.0;
+  forward();
+}
+
+void EngineRun::check_usable() const {
+  if (!faulted()) return;
+  throw Error(Fault::kArgument, "run",
+              "the run ended with a fault and can only be freed; the fault was: " + fault_);
+}
+
+template <class Call>
+void EngineRun::enter(Call call) {
+  std::string reason;
+  if (contained(call, reason)) return;
+  const bool memory = reason.find("tack overflow") != std::string::npos ||
+                      reason.find("allocate") != std::string::npos;
+  fault_ = "the engine gave up at " + seconds(data_->time) + ": " + reason;
+  throw Error(memory ? Fault::kMemory : Fault::kInternal, "", fault_);
+}
+
+void EngineRun::reset() {
+  check_usable();
+  mjData* d = data_.get();
+  enter([this, d] { mj_resetData(model_.raw(), d); });
+  forward();
+}
+
+EngineRun::Out EngineRun::position() { return {data_->qpos, model_.positions()}; }
+EngineRun::Out EngineRun::velocity() { return {data_->qvel, model_.velocities()}; }
+EngineRun::Out EngineRun::activation() { return {data_->act, model_.activations()}; }
+EngineRun::Out EngineRun::control() { return {data_->ctrl, model_.controls()}; }
+EngineRun::Out EngineRun::applied() { return {data_->qfrc_applied, model_.velocities()}; }
+
+void EngineRun::fail(int kind, const std::string& reason) {
+  const std::string when = " at " + seconds(data_->time);
+  Fault fault = Fault::kAnalysis;
+  switch (kind) {
+    case mjWARN_CONTACTFULL:
+    case mjWARN_CNSTRFULL:
+      fault = Fault::kUnsupported;
+      fault_ = "there are more contacts" + when + " than the scene has room for (" +
+               std::to_string(model_.raw()->nconmax) + "): compile it with room for more";
+      break;
+    case mjWARN_INERTIA:
+      fault_ = "the inertia matrix became singular" + when + reason;
+      break;
+    default:
+      fault_ = "the motion" + reason + " diverged" + when + ": a smaller time step may help";
+  }
+  throw Error(fault, "", fault_);
+}
+
+void EngineRun::check_state() {
+  for (const int kind : {mjWARN_BADQPOS, mjWARN_BADQVEL, mjWARN_BADQACC, mjWARN_CONTACTFULL,
+                         mjWARN_CNSTRFULL, mjWARN_INERTIA}) {
+    const mjWarningStat& warning = data_->warning[kind];
+    if (warning.number == 0) continue;
+    const bool dof = kind == mjWARN_BADQVEL || kind == mjWARN_BADQACC || kind == mjWARN_INERTIA;
+    fail(kind, dof ? joint_of(model_, warning.lastinfo) : "");
+  }
+}
+
+// The engine would put zero in the place of such a control and go on.
+void EngineRun::check_inputs() {
+  check_usable();
+  const auto refuse = [this](const Out& values, const char* what, Part part) {
+    for (Index i = 0; i < values.size(); ++i) {
+      if (std::isfinite(values[i])) continue;
+      const mjModel* m = model_.raw();
+      const Index owner = part == Part::kActuator ? i : m->dof_jntid[i];
+      const std::string name = model_.name(part, owner);
+      throw Error(
+          Fault::kData, what,
+          std::string("the ") + what + " of " + word(part) + " '" + name + "' is not finite",
+          std::string(word(part)) + " " + name);
+    }
+  };
+  refuse(control(), "control", Part::kActuator);
+  refuse(applied(), "applied force", Part::kJoint);
+  refuse(velocity(), "velocity", Part::kJoint);
+  require_finite(position(), "position");
+  if (model_.activations() > 0) require_finite(activation(), "activation");
+}
+
+void EngineRun::forward() {
+  check_inputs();
+  const mjModel* m = model_.raw();
+  mjData* d = data_.get();
+  enter([m, d] { mj_forward(m, d); });
+  check_state();
+}
+
+void EngineRun::step(Index steps) {
+  require(steps >= 0, "steps", "steps must not be negative");
+  check_inputs();
+  const mjModel* m = model_.raw();
+  mjData* d = data_.get();
+  for (Index i = 0; i < steps; ++i) {
+    enter([m, d] { mj_step(m, d); });
+    check_state();
+  }
+}
+
+Vector EngineRun::inverse(const VectorRef& acceleration) {
+  require(acceleration.size() == model_.velocities(), "acceleration",
+          "acceleration must have one number for each degree of freedom");
+  require_finite(acceleration, "acceleration");
+  check_inputs();
+  const mjModel* m = model_.raw();
+  mjData* d = data_.get();
+  Eigen::Map<Vector>(d->qacc, m->nv) = acceleration;
+  enter([m, d] { mj_inverse(m, d); });
+  check_state();
+  return In(d->qfrc_inverse, m->nv);
+}
+
+double EngineRun::time() const { return data_->time; }
+EngineRun::In EngineRun::acceleration() const { return {data_->qacc, model_.velocities()}; }
+EngineRun::In EngineRun::bias() const { return {data_->qfrc_bias, model_.velocities()}; }
+EngineRun::In EngineRun::passive() const { return {data_->qfrc_passive, model_.velocities()}; }
+EngineRun::In EngineRun::constraint_force() const {
+  return {data_->qfrc_constraint, model_.velocities()};
+}
+EngineRun::In EngineRun::actuator_torque() const {
+  return {data_->qfrc_actuator, model_.velocities()};
+}
+EngineRun::In EngineRun::actuator_force() const {
+  return {data_->actuator_force, model_.controls()};
+}
+EngineRun::In EngineRun::actuator_length() const {
+  return {data_->actuator_length, model_.controls()};
+}
+
+Matrix EngineRun::actuator_moment() const {
+  using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  return Eigen::Map<const Rows>(data_->actuator_moment, model_.controls(), model_.velocities());
+}
+
+Matrix EngineRun::inertia() const {
+  Matrix m(model_.velocities(), model_.velocities());
+  mj_fullM(model_.raw(), m.data(), data_->qM);  // symmetric: order of storage does not matter
+  return m;
+}
+
+double EngineRun::potential_energy() const {
+  // Bodies under gravity and springs; mj_energyPos writes into the run's own place for it.
+  mj_energyPos(model_.raw(), data_.get());
+  return data_->energy[0];
+}
+
+double EngineRun::kinetic_energy() const {
+  mj_energyVel(model_.raw(), data_.get());
+  return data_->energy[1];
+}
+
+Index EngineRun::contacts() const { return data_->ncon; }
+Index EngineRun::constraint_rows() const { return data_->nefc; }
+
+Vector3 EngineRun::body_position(Index body) const { return Vector3(data_->xpos + 3 * body); }
+
+Matrix3 EngineRun::body_orientation(Index body) const {
+  return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(data_->xmat + 9 * body);
+}
+
+Vector3 EngineRun::site_position(Index site) const { return Vector3(data_->site_xpos + 3 * site); }
+
+}  // namespace ulna
