@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from ._figure import BLUE, GREEN, GREY, INK, ORANGE, SKY, WIDTH_IN, axes_grid, style
+from ._plot_rig import sensing_methods, sensor_check, spring_array, virtual_force
 from ._response import dynamic_stiffness, is_break, measured_response, raw_signals
 from .record import refuse
 
@@ -36,9 +37,13 @@ __all__ = [
     "pictures",
     "prediction",
     "record",
+    "sensing_methods",
+    "sensor_check",
     "signals",
+    "spring_array",
     "style",
     "unit_of",
+    "virtual_force",
 ]
 
 _POINTS = 2000  # a line; more do not show on a page
