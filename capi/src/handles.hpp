@@ -4,17 +4,27 @@
 #include <ulna/base.h>
 
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "base/token.hpp"
 #include "ident/force_errors.hpp"
+#include "ident/order_search.hpp"
 #include "ident/robot_parameters.hpp"
 #include "ident/sensor_check.hpp"
+#include "impedance/delayed.hpp"
 #include "impedance/estimate.hpp"
 #include "impedance/force_budget.hpp"
+#include "impedance/plan.hpp"
+#include "impedance/reflex.hpp"
+#include "impedance/safety.hpp"
+#include "impedance/window.hpp"
 #include "passivity/verdict.hpp"
 #include "plant/planar_robot.hpp"
 #include "record/csv.hpp"
+#include "signal/excitation.hpp"
+#include "study/indices.hpp"
+#include "study/sampling.hpp"
 
 struct ulna_token {
   ulna::Token token;
@@ -39,6 +49,19 @@ struct ulna_robot {
   std::shared_ptr<const ulna::PlanarRobot> robot;
 };
 
+struct ulna_design {
+  ulna::Excitation excitation;
+};
+
+struct ulna_safety {
+  ulna::Safety safety;
+  std::string words;
+};
+
+struct ulna_plan {
+  ulna::Plan plan;
+};
+
 struct ulna_sensed {
   ulna::Record record;
   ulna::ForceErrors errors;
@@ -60,6 +83,35 @@ struct ulna_sensor_check {
 
 struct ulna_robot_fit {
   ulna::RobotFit fit;
+};
+
+struct ulna_sampling {
+  std::shared_ptr<const ulna::Sampling> sampling;
+};
+
+struct ulna_indices {
+  ulna::Indices indices;
+  bool independent_steps = false;  // of the design
+};
+
+struct ulna_model {
+  ulna::RationalFit fit;
+};
+
+struct ulna_order_search {
+  ulna::OrderSearch search;
+};
+
+struct ulna_reflex {
+  ulna::ReflexEstimate estimate;
+};
+
+struct ulna_delayed {
+  ulna::DelayedEstimate estimate;
+};
+
+struct ulna_windows {
+  ulna::WindowComparison comparison;
 };
 
 namespace ulna::capi {

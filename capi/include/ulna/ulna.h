@@ -4,12 +4,19 @@
 #define ULNA_ULNA_H
 
 #include <ulna/base.h>
+#include <ulna/design.h>
+#include <ulna/frf.h>
 #include <ulna/ident.h>
 #include <ulna/impedance.h>
+#include <ulna/joint.h>
+#include <ulna/models.h>
 #include <ulna/passivity.h>
 #include <ulna/plant.h>
 #include <ulna/record.h>
+#include <ulna/reflex.h>
 #include <ulna/rig.h>
 #include <ulna/signal.h>
+#include <ulna/sim.h>
+#include <ulna/study.h>
 
 #endif
