@@ -62,7 +62,8 @@ Excitation scaled(const Excitation& excitation, double factor) {
 }
 
 Excitation excitation_of(Drive drive, double rate_hz, MatrixRef value,
-                         std::vector<RowRange> segments) {
+                         std::vector<RowRange> segments, const Matrix& rate,
+                         const Matrix& acceleration) {
   check_rate(rate_hz);
   check_axes(value.cols());
   const Index rows = value.rows();
@@ -86,8 +87,15 @@ Excitation excitation_of(Drive drive, double rate_hz, MatrixRef value,
     d.row(rows - 1) = rate_hz * (y.row(rows - 1) - y.row(rows - 2));
     return d;
   };
-  out.rate = slope(out.value);
-  out.acceleration = slope(out.rate);
+  const auto given = [&](const Matrix& y, const char* argument) {
+    if (y.size() == 0) return false;
+    require(y.rows() == rows && y.cols() == value.cols(), argument,
+            std::string("the ") + argument + " must have the shape of the reference");
+    require_finite(y, argument);
+    return true;
+  };
+  out.rate = given(rate, "velocity") ? rate : slope(out.value);
+  out.acceleration = given(acceleration, "acceleration") ? acceleration : slope(out.rate);
   out.segments = segments.empty() ? std::vector<RowRange>{{0, rows}} : std::move(segments);
   out.provenance = "design: a signal of one's own";
   return out;

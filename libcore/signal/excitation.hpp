@@ -61,11 +61,12 @@ Extent extent_of(const Excitation& excitation);
 // The same perturbation `factor` times as large; finite, not 0.
 Excitation scaled(const Excitation& excitation, double factor);
 
-// A signal of one's own, its derivatives by central differences. segments empty: all rows. Throws
-// Error (kData) for a value that is not finite, kArgument for fewer than 3 rows and for segments
-// that overlap or reach outside.
+// A signal of one's own. segments empty: all rows. rate and acceleration: its derivatives in the
+// same shape; empty: by central differences. Throws Error (kData) for a value that is not finite,
+// kArgument for fewer than 3 rows, another shape, and segments that overlap or reach outside.
 Excitation excitation_of(Drive drive, double rate_hz, MatrixRef value,
-                         std::vector<RowRange> segments);
+                         std::vector<RowRange> segments, const Matrix& rate = {},
+                         const Matrix& acceleration = {});
 
 // From a state to rest at 0 in `duration_s` by the polynomial of fifth order that meets value, rate
 // and acceleration at both ends (minimum jerk); t_s in [0, duration_s].
