@@ -6,6 +6,7 @@
 #include "guard.hpp"
 #include "handles.hpp"
 #include "plant/capstan_robot.hpp"
+#include "plant/carriage.hpp"
 #include "plant/friction.hpp"
 #include "signal/finite.hpp"
 
@@ -89,6 +90,18 @@ ulna_status ulna_robot_new_capstan(const ulna_capstan_options* options, ulna_rob
   return guarded([&] {
     ulna_robot*& out = deref(out_robot, "out_robot");
     out = new ulna_robot{std::make_shared<const CapstanRobot>(capstan_of(options))};
+  });
+}
+
+ulna_status ulna_robot_new_carriage(const ulna_carriage_options* options, ulna_robot** out_robot) {
+  return guarded([&] {
+    ulna_robot*& out = deref(out_robot, "out_robot");
+    const ulna_carriage_options o = read_options(options, "options");
+    CarriageParameters p;
+    if (o.mass_kg != 0.0) p.mass_kg = o.mass_kg;
+    if (o.damping_n_s_m != 0.0) p.damping_n_s_m = o.damping_n_s_m < 0.0 ? 0.0 : o.damping_n_s_m;
+    if (o.travel_m != 0.0) p.travel_m = o.travel_m;
+    out = new ulna_robot{std::make_shared<const Carriage>(p)};
   });
 }
 

@@ -31,6 +31,9 @@ class PlanarRobot {
 
   virtual std::string name() const = 0;  // as it appears in provenance
 
+  // True when x and y never act on each other, so that an experiment may use x alone.
+  virtual bool has_independent_axes() const { return false; }
+
   virtual RobotState at(const Vector2& angle, const Vector2& rate) const = 0;
 
   // Angles that bring the handle there; throws Error (kData) when it is out of reach. The joint

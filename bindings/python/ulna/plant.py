@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._call import ArgumentError, Handle, ffi, lib, options, out_array, view
 
-__all__ = ["Friction", "PlanarRobot"]
+__all__ = ["Carriage", "Friction", "PlanarRobot"]
 
 Array = NDArray[np.float64]
 
@@ -67,8 +67,93 @@ class Friction:
         return force.reshape(values.shape)
 
 
+class _Mechanism:
+    """A planar robot of two joints: what every mechanism can answer."""
+
+    _handle: _Robot
+
+    @property
+    def _pointer(self) -> Any:
+        return self._handle.pointer
+
+    def _rows(self, function: Any, first: ArrayLike, *more: Any, width: tuple[int, ...]) -> Array:
+        """Call a function of poses and bring what it wrote into the shape of the first."""
+        values = np.asarray(first, dtype=float)
+        arguments = [view(np.atleast_2d(values))]
+        for item in more:
+            if isinstance(item, int):
+                arguments.append(item)
+            elif item is None:
+                arguments.append(ffi.NULL)
+            else:
+                arguments.append(view(np.atleast_2d(np.asarray(item, dtype=float))))
+        out = out_array(function, self._pointer, *arguments)
+        return out.reshape((*values.shape[:-1], *width))
+
+    @property
+    def parameters(self) -> Array:
+        """What the dynamics are linear in: alpha_1 to alpha_5, or mass and damping."""
+        return out_array(lib.ulna_robot_parameters, self._pointer)
+
+    def forward(self, angle: ArrayLike) -> Array:
+        """Position of the handle, (A.1)."""
+        return self._rows(lib.ulna_robot_forward, angle, width=(2,))
+
+    def inverse(self, position: ArrayLike, *, limits: bool = True) -> Array:
+        """Joint angles, (A.4); refuses what is out of reach and, with `limits`, beyond (A.2)."""
+        keep = lib.ULNA_LIMITS_KEEP if limits else lib.ULNA_LIMITS_IGNORE
+        return self._rows(lib.ulna_robot_inverse, position, keep, width=(2,))
+
+    def jacobian(self, angle: ArrayLike) -> Array:
+        """Derivative of the position by the angles, (A.3), shape (..., 2, 2)."""
+        return self._rows(lib.ulna_robot_jacobian, angle, width=(2, 2))
+
+    def jacobian_rate(self, angle: ArrayLike, rate: ArrayLike) -> Array:
+        """Time derivative of the Jacobian at joint rates in rad/s, shape (..., 2, 2)."""
+        return self._rows(lib.ulna_robot_jacobian_rate, angle, rate, width=(2, 2))
+
+    def quality(self, angle: ArrayLike) -> Array:
+        """Smallest over largest singular value of the Jacobian: 0 at a singular pose."""
+        return self._rows(lib.ulna_robot_quality, angle, width=())
+
+    def inertia(self, angle: ArrayLike) -> Array:
+        """Inertia matrix, kg m^2, (A.6), shape (..., 2, 2)."""
+        return self._rows(lib.ulna_robot_inertia, angle, width=(2, 2))
+
+    def coriolis(self, angle: ArrayLike, rate: ArrayLike) -> Array:
+        """Matrix C of the Coriolis torques ``C @ rate``, (A.6), shape (..., 2, 2)."""
+        return self._rows(lib.ulna_robot_coriolis, angle, rate, width=(2, 2))
+
+    def friction(self, rate: ArrayLike) -> Array:
+        """Friction torque of the joints."""
+        return self._rows(lib.ulna_robot_friction, rate, width=(2,))
+
+    def inverse_dynamics(
+        self,
+        angle: ArrayLike,
+        rate: ArrayLike,
+        acceleration: ArrayLike,
+        force: ArrayLike | None = None,
+    ) -> Array:
+        """Motor torque for a motion under an external force on the handle."""
+        return self._rows(
+            lib.ulna_robot_inverse_dynamics, angle, rate, acceleration, force, width=(2,)
+        )
+
+    def forward_dynamics(
+        self, angle: ArrayLike, rate: ArrayLike, torque: ArrayLike, force: ArrayLike | None = None
+    ) -> Array:
+        """Joint acceleration under motor torque and an external force on the handle."""
+        return self._rows(lib.ulna_robot_forward_dynamics, angle, rate, torque, force, width=(2,))
+
+    def regressor(self, angle: ArrayLike, rate: ArrayLike, acceleration: ArrayLike) -> Array:
+        """Regressor of (A.5), shape (..., 2, parameters): times them it is the torque in free motion."""
+        width = (2, len(self.parameters))
+        return self._rows(lib.ulna_robot_regressor, angle, rate, acceleration, width=width)
+
+
 @dataclass(frozen=True)
-class PlanarRobot:
+class PlanarRobot(_Mechanism):
     """The planar capstan robot of Dyck (2013), appendix A, with the errata of (A.3) and (A.6).
 
     ``x = d1 cos(q1) + d2 sin(q2)``, ``y = d1 sin(q1) - d2 cos(q2)``.
@@ -125,87 +210,54 @@ class PlanarRobot:
         struct = options("ulna_capstan_options", link_m=self.link_m, alpha=self.alpha, dry=dry)
         return _Robot.make(lib.ulna_robot_new_capstan, struct)
 
-    @property
-    def _pointer(self) -> Any:
-        return self._handle.pointer
-
     def __reduce__(self) -> Any:
         return PlanarRobot, (self.link_m, self.alpha, self.dry_friction)
 
-    def _rows(self, function: Any, first: ArrayLike, *more: Any, width: tuple[int, ...]) -> Array:
-        """Call a function of poses and bring what it wrote into the shape of the first."""
-        values = np.asarray(first, dtype=float)
-        arguments = [view(np.atleast_2d(values))]
-        for item in more:
-            if isinstance(item, int):
-                arguments.append(item)
-            elif item is None:
-                arguments.append(ffi.NULL)
-            else:
-                arguments.append(view(np.atleast_2d(np.asarray(item, dtype=float))))
-        out = out_array(function, self._pointer, *arguments)
-        return out.reshape((*values.shape[:-1], *width))
 
-    @property
-    def parameters(self) -> Array:
-        """What the dynamics are linear in: alpha_1 to alpha_5."""
-        return out_array(lib.ulna_robot_parameters, self._pointer)
+@dataclass(frozen=True)
+class Carriage(_Mechanism):
+    """A Cartesian table of two independent axes: a robot whose own dynamics are simple.
 
-    def forward(self, angle: ArrayLike) -> Array:
-        """Position of the handle, (A.1)."""
-        return self._rows(lib.ulna_robot_forward, angle, width=(2,))
+    Its "angles" are positions in m and its "torques" forces in N. It is also the robot for experiments
+    along one axis.
 
-    def inverse(self, position: ArrayLike, *, limits: bool = True) -> Array:
-        """Joint angles, (A.4); refuses what is out of reach and, with `limits`, beyond (A.2)."""
-        keep = lib.ULNA_LIMITS_KEEP if limits else lib.ULNA_LIMITS_IGNORE
-        return self._rows(lib.ulna_robot_inverse, position, keep, width=(2,))
+    Examples
+    --------
+    >>> Carriage(mass_kg=2.0).inertia([0.0, 0.0])
+    array([[2., 0.],
+           [0., 2.]])
+    """
 
-    def jacobian(self, angle: ArrayLike) -> Array:
-        """Derivative of the position by the angles, (A.3), shape (..., 2, 2)."""
-        return self._rows(lib.ulna_robot_jacobian, angle, width=(2, 2))
+    mass_kg: float = 1.0
+    damping_n_s_m: float = 1.0
+    travel_m: float = 0.25
 
-    def jacobian_rate(self, angle: ArrayLike, rate: ArrayLike) -> Array:
-        """Time derivative of the Jacobian at joint rates in rad/s, shape (..., 2, 2)."""
-        return self._rows(lib.ulna_robot_jacobian_rate, angle, rate, width=(2, 2))
+    def __post_init__(self) -> None:
+        for name in ("mass_kg", "travel_m"):
+            if not getattr(self, name) > 0:
+                raise ArgumentError(
+                    f"{name} must be positive", status="ULNA_ERROR_ARGUMENT", argument=name
+                )
+        if not self.damping_n_s_m >= 0:
+            raise ArgumentError(
+                "damping_n_s_m must not be negative",
+                status="ULNA_ERROR_ARGUMENT",
+                argument="damping_n_s_m",
+            )
+        self._pointer  # noqa: B018 - refuses impossible parameters at once
 
-    def quality(self, angle: ArrayLike) -> Array:
-        """Smallest over largest singular value of the Jacobian: 0 at a singular pose."""
-        return self._rows(lib.ulna_robot_quality, angle, width=())
-
-    def inertia(self, angle: ArrayLike) -> Array:
-        """Inertia matrix, kg m^2, (A.6), shape (..., 2, 2)."""
-        return self._rows(lib.ulna_robot_inertia, angle, width=(2, 2))
-
-    def coriolis(self, angle: ArrayLike, rate: ArrayLike) -> Array:
-        """Matrix C of the Coriolis torques ``C @ rate``, (A.6), shape (..., 2, 2)."""
-        return self._rows(lib.ulna_robot_coriolis, angle, rate, width=(2, 2))
-
-    def friction(self, rate: ArrayLike) -> Array:
-        """Friction torque of the joints."""
-        return self._rows(lib.ulna_robot_friction, rate, width=(2,))
-
-    def inverse_dynamics(
-        self,
-        angle: ArrayLike,
-        rate: ArrayLike,
-        acceleration: ArrayLike,
-        force: ArrayLike | None = None,
-    ) -> Array:
-        """Motor torque for a motion under an external force on the handle."""
-        return self._rows(
-            lib.ulna_robot_inverse_dynamics, angle, rate, acceleration, force, width=(2,)
+    @cached_property
+    def _handle(self) -> _Robot:
+        struct = options(
+            "ulna_carriage_options",
+            mass_kg=self.mass_kg,
+            damping_n_s_m=self.damping_n_s_m or -1.0,
+            travel_m=self.travel_m,
         )
+        return _Robot.make(lib.ulna_robot_new_carriage, struct)
 
-    def forward_dynamics(
-        self, angle: ArrayLike, rate: ArrayLike, torque: ArrayLike, force: ArrayLike | None = None
-    ) -> Array:
-        """Joint acceleration under motor torque and an external force on the handle."""
-        return self._rows(lib.ulna_robot_forward_dynamics, angle, rate, torque, force, width=(2,))
-
-    def regressor(self, angle: ArrayLike, rate: ArrayLike, acceleration: ArrayLike) -> Array:
-        """Regressor of (A.5), shape (..., 2, 5): times `parameters` it is the torque in free motion."""
-        width = (2, len(self.parameters))
-        return self._rows(lib.ulna_robot_regressor, angle, rate, acceleration, width=width)
+    def __reduce__(self) -> Any:
+        return Carriage, (self.mass_kg, self.damping_n_s_m, self.travel_m)
 
 
 def _numbers(values: Sequence[float], count: int, name: str) -> tuple[float, ...]:

@@ -27,6 +27,15 @@ typedef struct ulna_capstan_options {
                            speed, rad/s; NULL: none */
 } ulna_capstan_options;
 
+/** A Cartesian table. Zero bytes mean the defaults named here.
+ * @since 0.1 */
+typedef struct ulna_carriage_options {
+  int64_t struct_size;  /* sizeof(ulna_carriage_options) */
+  double mass_kg;       /* of each axis; 0: 1 */
+  double damping_n_s_m; /* viscous, of each axis; 0: 1; < 0: none */
+  double travel_m;      /* to either side; 0: 0.25 */
+} ulna_carriage_options;
+
 /** Friction that is continuous in the speed, Ghannadi 2017 (3.25) with the errata.
  * @since 0.1 */
 typedef struct ulna_friction {
@@ -47,6 +56,14 @@ typedef struct ulna_friction {
  * @since 0.1 */
 ULNA_API ulna_status ulna_robot_new_capstan(const ulna_capstan_options *options,
                                             ulna_robot **out_robot);
+
+/** Makes a Cartesian table of two independent axes: a robot whose own dynamics are simple, and the
+ * one for experiments along one axis. Its "angles" are positions in m, its "torques" forces in N,
+ * its parameters mass and damping.
+ * @thread any
+ * @since 0.1 */
+ULNA_API ulna_status ulna_robot_new_carriage(const ulna_carriage_options *options,
+                                             ulna_robot **out_robot);
 
 /** Frees a robot; NULL is allowed.
  * @thread exclusive robot
