@@ -23,6 +23,7 @@
 #include "plant/planar_robot.hpp"
 #include "record/csv.hpp"
 #include "signal/excitation.hpp"
+#include "signal/system.hpp"
 #include "study/indices.hpp"
 #include "study/sampling.hpp"
 
@@ -112,6 +113,10 @@ struct ulna_delayed {
 
 struct ulna_windows {
   ulna::WindowComparison comparison;
+};
+
+struct ulna_system {
+  ulna::System system;
 };
 
 namespace ulna::capi {

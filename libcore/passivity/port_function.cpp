@@ -80,7 +80,7 @@ void PortFunction::take_rational(const Vector& n, const Vector& d) {
   f_ = [num, den](Complex s) -> MatrixXcd {
     return MatrixXcd::Constant(1, 1, polynomial_at(num, s) / polynomial_at(den, s));
   };
-  poles_ = polynomial_roots(den);
+  poles_ = all_roots(den);
   const Vector ns = in_units(num, scale_);
   const Vector ds = in_units(den, scale_);
   q_ = axis_product(ds, ds).real;
@@ -348,7 +348,7 @@ std::vector<double> PortFunction::crossings(double level) const {
   if (axis_) return gain ? gain_crossings(*axis_, -level) : hermitian_crossings(*axis_, level);
   const double wanted = gain ? -level * level : level;
   std::vector<double> out;
-  for (const Complex x : polynomial_roots(polynomial_sum(p_, -wanted * q_))) {
+  for (const Complex x : all_roots(polynomial_sum(p_, -wanted * q_))) {
     if (x.real() < 0.0 || std::abs(x.imag()) > 0.1 * std::abs(x)) continue;
     out.push_back(scale_ * std::sqrt(x.real()));
   }

@@ -312,7 +312,7 @@ Tracked Network::discriminant(const Tracked& d) const {
 
 std::vector<double> Network::roots(const Tracked& p) const {
   std::vector<double> out;
-  for (const Complex x : polynomial_roots(p.value)) {
+  for (const Complex x : all_roots(p.value)) {
     if (x.real() < 0.0 || std::abs(x.imag()) > 0.1 * std::abs(x)) continue;
     out.push_back(scale_ * std::sqrt(x.real()));
   }
@@ -390,7 +390,8 @@ double Network::least_ratio(const Band& band, double a, double& worst) const {
   if (!loop_real_.is_zero() || !loop_odd_.is_zero()) {
     const Tracked d = damping(a, true);
     for (const Tracked& p : {combination(d, -1.0, loop_real_), discriminant(d)}) {
-      if (!p.is_zero()) parts.push_back(p);
+      // Without damping a margin of zero is structure; with damping it is a limit that is met.
+      if (!d.is_zero() || !p.is_zero()) parts.push_back(p);
     }
   }
   std::vector<double> omega = landmarks();

@@ -141,7 +141,7 @@ void polynomial_divide(const Vector& p, const Vector& q, Vector& quotient, Vecto
   }
 }
 
-std::vector<Complex> polynomial_roots(const Vector& p) {
+std::vector<Complex> all_roots(const Vector& p) {
   Index at_zero = 0;
   Vector a = inner_coefficients(p, at_zero);
   std::vector<Complex> roots(static_cast<std::size_t>(at_zero), 0.0);

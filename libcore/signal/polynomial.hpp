@@ -25,7 +25,7 @@ void polynomial_divide(const Vector& p, const Vector& q, Vector& quotient, Vecto
 // Newton polygon (Bini 1996, "Numerical computation of polynomial zeros by means of Aberth's
 // method"): each root is as good as its own conditioning allows even when the moduli differ by
 // many decades, where a companion matrix loses the small ones. The zero polynomial has none.
-std::vector<Complex> polynomial_roots(const Vector& p);
+std::vector<Complex> all_roots(const Vector& p);
 
 // Geometric mean of the moduli of the non-zero roots without computing them; 1 when there is none.
 double polynomial_scale(const Vector& p);

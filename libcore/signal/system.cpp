@@ -140,7 +140,7 @@ std::vector<Complex> poles_of(const TransferMatrix& h) {
       });
       if (again) continue;
       seen.push_back(&den);
-      const std::vector<Complex> roots = polynomial_roots(den);
+      const std::vector<Complex> roots = all_roots(den);
       out.insert(out.end(), roots.begin(), roots.end());
     }
   }
@@ -216,7 +216,7 @@ std::vector<Complex> System::zeros() const {
           sentence(6, "zeros are found for square systems; this one has ", outputs(),
                    " outputs and ", inputs(), " inputs"));
   if (rational_ && outputs() == 1) {
-    if (!rational_->num[0].isZero(0.0)) return polynomial_roots(rational_->num[0]);
+    if (!rational_->num[0].isZero(0.0)) return all_roots(rational_->num[0]);
   } else if (const auto found = pencil_zeros(state_space_)) {
     return *found;
   }

@@ -9,6 +9,7 @@
 
 #include <ulna/base.h>
 #include <ulna/impedance.h>
+#include <ulna/system.h>
 
 #ifdef __cplusplus
 extern "C" {
@@ -147,6 +148,130 @@ ULNA_API ulna_status ulna_passivity_of_energy(const ulna_view *force, const ulna
                                               double *out_index, double *out_time_s,
                                               double *out_energy, int64_t capacity,
                                               int64_t *out_count);
+
+/** Over which frequencies and along which line a system is judged. Zero bytes mean the defaults
+ * named here.
+ * @since 0.1 */
+typedef struct ulna_port_options {
+  int64_t struct_size;        /* sizeof(ulna_port_options) */
+  const ulna_view *direction; /* as many numbers as ports: motion along this line; NULL: any */
+  double band_low_rad_s;      /* of a band, not negative */
+  double band_high_rad_s;     /* above band_low_rad_s, may be infinite; 0: all frequencies */
+  double tolerance; /* relative, within which a sign is undecided; 0: 1e-9; < 0: rounding */
+} ulna_port_options;
+
+/** Passivity indices of a square system H, u its input and y its output. Frequencies in rad/s, may
+ * be infinite; NaN without one.
+ * @since 0.1 */
+typedef struct ulna_port_indices {
+  int64_t struct_size; /* set by the caller to sizeof(ulna_port_indices) */
+  int32_t verdict;     /* ULNA_VERDICT_...: positive real, or passive in the band */
+  int32_t reserved;    /* zero */
+  double input;        /* largest nu with u'y >= nu u'u; minus infinity when there is none */
+  double input_frequency_rad_s;    /* where it is met */
+  double output;                   /* largest rho with u'y >= rho y'y; NaN for a singular H */
+  double output_frequency_rad_s;   /* where it is met */
+  double relative;                 /* gain of (I - H) (I + H)^-1, at most 1 when passive */
+  double relative_frequency_rad_s; /* where it is met */
+  char reason[512];                /* one sentence: why this verdict */
+  char notes[1024];                /* what else to know, one sentence a line */
+} ulna_port_indices;
+
+/** Passivity indices and positive realness (Definition 3.2 of Dyck 2013 with lemmas 4.1 and 4.2,
+ * the residues at 0 and infinity stated apart): exact by roots of polynomials or eigenvalues of a
+ * Hamiltonian matrix, poles and zeros on the axis and improper systems included.
+ * @thread shared system
+ * @since 0.1 */
+ULNA_API ulna_status ulna_passivity_of_system(const ulna_system *system,
+                                              const ulna_port_options *options,
+                                              ulna_port_indices *out_indices);
+
+/** Smallest eigenvalue of the Hermitian part of H(j omega) and of its inverse, and the gain of the
+ * scattering: three numbers at every omega_rad_s (a vector, not negative). NaN where there is none.
+ * @thread shared system
+ * @since 0.1 */
+ULNA_API ulna_status ulna_passivity_curves(const ulna_system *system,
+                                           const ulna_port_options *options,
+                                           const ulna_view *omega_rad_s, double *out,
+                                           int64_t capacity, int64_t *out_count);
+
+/** How a two-port is terminated. Zero bytes mean the defaults named here.
+ * @since 0.1 */
+typedef struct ulna_two_port_options {
+  int64_t struct_size;    /* sizeof(ulna_two_port_options) */
+  double shortage;        /* a of the termination, Re z >= -a; negative: an excess */
+  double band_low_rad_s;  /* of a band, not negative */
+  double band_high_rad_s; /* above band_low_rad_s, may be infinite; 0: all frequencies */
+  double tolerance;       /* relative; 0: 1e-9; < 0: rounding */
+  int32_t port;           /* that it ends, 1 or 2; 0: 2. The other ends passively. */
+  int32_t reserved;       /* zero */
+} ulna_two_port_options;
+
+/** Absolute stability of a two-port: Llewellyn's criterion, (4.1) and (4.2) of Dyck 2013.
+ * Frequencies in rad/s.
+ * @since 0.1 */
+typedef struct ulna_two_port_stability {
+  int64_t struct_size; /* set by the caller to sizeof(ulna_two_port_stability) */
+  int32_t verdict;     /* ULNA_VERDICT_PASSIVE: absolutely stable */
+  int32_t reserved;    /* zero */
+  double margin;       /* smallest 2 r_far (r_own - a) - Re k - |k|, k = z12 z21, r = Re z */
+  double margin_frequency_rad_s;
+  double shortage; /* largest a of the termination that keeps stability */
+  double shortage_frequency_rad_s;
+  double opposite; /* largest a of the other one, this one passive */
+  double opposite_frequency_rad_s;
+  double own_real; /* smallest real part at the port of the termination */
+  double own_real_frequency_rad_s;
+  double far_real; /* at the other port */
+  double far_real_frequency_rad_s;
+  char reason[512]; /* one sentence: why this verdict */
+} ulna_two_port_stability;
+
+/** Absolute stability of a 2 x 2 system of impedances (or other immittance parameters). Beyond the
+ * printed theorems all four entries must have no pole in the right half-plane, and residues k on
+ * the axis must meet 0 <= k12 k21 <= k11 k22.
+ * @thread shared system
+ * @since 0.1 */
+ULNA_API ulna_status ulna_two_port_assess(const ulna_system *system,
+                                          const ulna_two_port_options *options,
+                                          ulna_two_port_stability *out_stability);
+
+/** Margin and tolerable shortage at every omega_rad_s (a vector, not negative): two numbers each.
+ * @thread shared system
+ * @since 0.1 */
+ULNA_API ulna_status ulna_two_port_curves(const ulna_system *system,
+                                          const ulna_two_port_options *options,
+                                          const ulna_view *omega_rad_s, double *out,
+                                          int64_t capacity, int64_t *out_count);
+
+/** A position-force teleoperator: master (m s + b_m) v_m = f_h - phi e^(-sT) f_c, slave (m s + b_s)
+ * v_s = f_c - f_e, coupler f_c = (k_v + k_p/s) (lambda e^(-sT) v_m - v_s). Masses do not matter.
+ * @since 0.1 */
+typedef struct ulna_position_force {
+  int64_t struct_size;           /* sizeof(ulna_position_force) */
+  double master_damping_n_s_m;   /* b_m, not negative */
+  double slave_damping_n_s_m;    /* b_s, not negative */
+  double coupling_damping_n_s_m; /* k_v, above 0 */
+  double coupling_stiffness_n_m; /* k_p, not negative */
+} ulna_position_force;
+
+/** Largest gain phi lambda at which the teleoperator is stable with every passive environment and
+ * every arm of at least this excess (negative: shortage), for every delay_s (one way, a vector).
+ * Infinite where nothing limits it.
+ * @thread any
+ * @since 0.1 */
+ULNA_API ulna_status ulna_teleoperation_gain(const ulna_position_force *loop, double excess_n_s_m,
+                                             const ulna_view *delay_s, double *out,
+                                             int64_t capacity, int64_t *out_count);
+
+/** Largest stiffness (N/m) of a virtual wall of the given damping, rendered with each delay_s by a
+ * device of the given damping, that is stable with every arm of at least this excess.
+ * @thread any
+ * @since 0.1 */
+ULNA_API ulna_status ulna_teleoperation_stiffness(double device_damping_n_s_m,
+                                                  double wall_damping_n_s_m, double excess_n_s_m,
+                                                  const ulna_view *delay_s, double *out,
+                                                  int64_t capacity, int64_t *out_count);
 
 #ifdef __cplusplus
 }

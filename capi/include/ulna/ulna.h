@@ -18,5 +18,6 @@
 #include <ulna/signal.h>
 #include <ulna/sim.h>
 #include <ulna/study.h>
+#include <ulna/system.h>
 
 #endif
