@@ -168,8 +168,7 @@ GaugedForce apply_gauge(const Record& record, const StrainGauge& gauge,
   std::vector<Index> used = volts;
   Index angle = -1;
   if (!options.angle.empty()) {
-    const std::vector<Index> found = channels_of(record, options.angle, "angle");
-    require(found.size() == 1, "angle", "the sensor turns with one angle: name one channel");
+    const std::vector<Index> found = channels_of(record, options.angle + ",", "angle");
     require_unit(record, found, "rad", "name the angle of the link that carries the sensor");
     angle = found[0];
     used.push_back(angle);

@@ -166,14 +166,15 @@ bool SpringArray::find_equilibrium(SpringEquilibrium& out) const {
     const Vector2 step = k.ldlt().solve(f);
     const double before = energy(r);
     double length = 1.0;
-    while (length > 1e-10 && energy(r + length * step) > before - 1e-4 * length * f.dot(step)) {
-      length *= 0.5;
+    // Armijo's guard, as long as the energy resolves the descent; beyond that Newton converges.
+    if (f.dot(step) > 1e-10 * before) {
+      while (length > 1e-10 && energy(r + length * step) > before - 1e-4 * length * f.dot(step)) {
+        length *= 0.5;
+      }
     }
-    // Energy no longer resolves the descent: the full Newton step is the better one.
-    if (length <= 1e-10) length = 1.0;
     const Vector2 next = r + length * step;
     const Vector2 next_force = force(next);
-    if (!(next_force.norm() < f.norm()) && (next - r).norm() < 1e-13 * size) break;
+    if (!(next_force.norm() < f.norm()) && (next - r).norm() < 1e-9 * size) break;
     r = next;
     f = next_force;
   }

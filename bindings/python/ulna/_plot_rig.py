@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import wraps
 from typing import Any
 
 import numpy as np
@@ -10,6 +12,17 @@ from ._figure import BLUE, GREEN, GREY, INK, ORANGE, SKY, WIDTH_IN, axes_grid, s
 from .record import refuse
 
 _MARKERS = ("o", "s", "^", "D")
+
+
+def _styled(draw: Callable[..., Any]) -> Callable[..., Any]:
+    """The look of a report for the whole figure, titles and legends included."""
+
+    @wraps(draw)
+    def inside(*args: Any, **keywords: Any) -> Any:
+        with style():
+            return draw(*args, **keywords)
+
+    return inside
 
 
 def _coil(start: np.ndarray, end: np.ndarray, *, turns: int = 9, width: float = 4.0) -> np.ndarray:
@@ -29,6 +42,7 @@ def _ellipse_line(matrix: np.ndarray, size: float) -> np.ndarray:
     return size * circle @ matrix.T / np.linalg.eigvalsh(matrix)[-1]
 
 
+@_styled
 def spring_array(
     array: Any, axes: Any = None, *, wanted: Any = None, radius_m: float = 0.025
 ) -> np.ndarray:
@@ -39,8 +53,7 @@ def spring_array(
     equilibrium, and by shade how far it is from the linear law; the circle is `radius_m`.
     """
     rest = array.equilibrium(radius_m=radius_m)
-    with style():
-        grid = axes_grid(axes, 1, 2, (WIDTH_IN, 3.7), width_ratios=[1.0, 1.12])
+    grid = axes_grid(axes, 1, 2, (WIDTH_IN, 3.5), width_ratios=[1.0, 1.12])
     left, right = grid[0]
     centre, half = 1e3 * np.asarray(array.centre_m), 1e3 * np.asarray(array.half_m)
     place = 1e3 * rest.position_m
@@ -57,7 +70,7 @@ def spring_array(
         left.plot(*anchor, "o", ms=3.5, color=GREY, zorder=3)
         # Between the frame and the coil's middle, where springs are furthest apart.
         spot = anchor + 0.24 * (place - anchor)
-        label = f"{spring.rate_n_m:.3g}" + (" slack" if loose else "")
+        label = f"{spring.rate_n_m:.3g} N/m" + (", slack" if loose else "")
         left.annotate(
             label, spot, fontsize=7, ha="center", va="center", zorder=5,
             bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85},
@@ -73,7 +86,8 @@ def spring_array(
         )  # fmt: skip
         left.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
     left.plot(*place, "o", ms=4, color=BLUE, zorder=6)
-    left.set_title("springs (N/m)")
+    if wanted is None:
+        left.set_title("springs and stiffness")
     _square(left, centre, 1.12 * half.max())
 
     span = 2.2e3 * radius_m
@@ -121,14 +135,14 @@ def _square(ax: Any, centre: np.ndarray, half: float) -> None:
     ax.grid(False)
 
 
+@_styled
 def sensor_check(check: Any, axes: Any = None, *, seconds: float = 8.0) -> np.ndarray:
     """Accelerometer, twice integrated, over the encoder: some seconds, and one against the other.
 
     The dashed line is where both agree; the solid one the gain that was found.
     """
     n = len(check.accelerations)
-    with style():
-        grid = axes_grid(axes, n, 2, (WIDTH_IN, 0.8 + 1.7 * n), width_ratios=[2.4, 1.0])
+    grid = axes_grid(axes, n, 2, (WIDTH_IN, 0.8 + 1.7 * n), width_ratios=[2.4, 1.0])
     start = check.time[len(check.time) // 2]
     keep = (check.time >= start) & (check.time < start + seconds)
     for i in range(n):
@@ -155,6 +169,7 @@ def sensor_check(check: Any, axes: Any = None, *, seconds: float = 8.0) -> np.nd
     return grid
 
 
+@_styled
 def virtual_force(
     comparison: Any,
     axes: Any = None,
@@ -179,9 +194,8 @@ def virtual_force(
     n = len(names)
     measured = [name + "_measured" for name in names]
     beside = all(name in record for name in measured)
-    with style():
-        size = (WIDTH_IN, 0.6 + 2.1 * n)
-        grid = axes_grid(axes, 2 * n, 1, size, sharex=True, height_ratios=[2.0, 1.1] * n)
+    size = (WIDTH_IN, 0.6 + 2.1 * n)
+    grid = axes_grid(axes, 2 * n, 1, size, sharex=True, height_ratios=[2.0, 1.1] * n)
     time = np.asarray(record.time)
     start = time[len(time) // 2] if start_s is None else start_s
     keep = (time >= start) & (time < start + seconds)
@@ -206,19 +220,19 @@ def virtual_force(
         if beside:
             low.plot(t, virtual - truth, color=ORANGE, lw=0.9, label="virtual − sensor")
         low.set_ylabel("error (N)")
-        low.legend(loc="upper right", ncols=2, borderaxespad=0.1, fontsize=7)
+        low.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
         for ax in (top, low):
             ax.margins(x=0)
     grid[-1, 0].set_xlabel("time (s)")
     return grid
 
 
+@_styled
 def sensing_methods(comparison: Any, axes: Any = None) -> np.ndarray:
     """M, B and K by every method of a comparison, with 95 % intervals that hold all known errors."""
     estimates = comparison.estimates
     first = next(iter(estimates.values()))
-    with style():
-        grid = axes_grid(axes, 1, 3, (WIDTH_IN, 2.7))
+    grid = axes_grid(axes, 1, 3, (WIDTH_IN, 2.7))
     colours = dict(zip(estimates, (BLUE, ORANGE, GREEN), strict=False))
     shift = 0.22
     for ax, name in zip(grid[0], ("M", "B", "K"), strict=True):
