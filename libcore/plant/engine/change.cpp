@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "base/error.hpp"
+#include "plant/engine/mjcf.hpp"
 #include "plant/engine/model.hpp"
 #include "plant/engine/trap.hpp"
 
@@ -114,18 +115,13 @@ mjtByte same_frame(const double* position, const double* quaternion) {
 
 void set_inertia(mjModel& m, Index body, const double* values) {
   const double* c = values + 3;
-  const double full[9] = {c[0], c[3], c[4], c[3], c[1], c[5], c[4], c[5], c[2]};
-  double vectors[9];
-  double moments[3];
-  double quaternion[4];
-  mju_eig3(moments, vectors, quaternion, full);
-  const bool diagonal = c[3] == 0.0 && c[4] == 0.0 && c[5] == 0.0;
-  for (Index i = 0; i < 3; ++i) {
-    m.body_ipos[3 * body + i] = values[i];
-    m.body_inertia[3 * body + i] = diagonal ? c[i] : moments[i];
-  }
-  const double identity[4] = {1.0, 0.0, 0.0, 0.0};
-  mju_copy4(m.body_iquat + 4 * body, diagonal ? identity : quaternion);
+  Eigen::Matrix3d inertia;
+  inertia << c[0], c[3], c[4], c[3], c[1], c[5], c[4], c[5], c[2];
+  PrincipalInertia principal = principal_inertia(inertia);
+  mju_normalize4(principal.quaternion.data());  // as the compiler does with what it reads
+  mju_copy3(m.body_ipos + 3 * body, values);
+  mju_copy3(m.body_inertia + 3 * body, principal.moments.data());
+  mju_copy4(m.body_iquat + 4 * body, principal.quaternion.data());
   m.body_sameframe[body] = same_frame(m.body_ipos + 3 * body, m.body_iquat + 4 * body);
 }
 

@@ -2,6 +2,8 @@
 
 #include <tinyxml2.h>
 
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 #include <charconv>
 
 namespace ulna {
@@ -23,6 +25,25 @@ MjcfElement MjcfElement::child(const char* tag) {
 
 MjcfElement MjcfElement::named(const char* tag, const std::string& name) {
   return child(tag).set("name", name);
+}
+
+PrincipalInertia principal_inertia(const Eigen::Matrix3d& inertia) {
+  if (inertia.isDiagonal(0.0)) return {inertia.diagonal(), Eigen::Vector4d::UnitX()};
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(inertia);
+  Eigen::Matrix3d axes = solver.eigenvectors();
+  if (axes.determinant() < 0.0) axes.col(2) = -axes.col(2);
+  const Eigen::Quaterniond q(axes);
+  return {solver.eigenvalues(), Eigen::Vector4d(q.w(), q.x(), q.y(), q.z())};
+}
+
+void MjcfElement::inertial(double mass, const Eigen::Vector3d& centre,
+                           const Eigen::Matrix3d& inertia) {
+  const PrincipalInertia principal = principal_inertia(inertia);
+  child("inertial")
+      .set("pos", centre)
+      .set("mass", mass)
+      .set("quat", principal.quaternion)
+      .set("diaginertia", principal.moments);
 }
 
 MjcfElement& MjcfElement::set(const char* attribute, const char* value) {

@@ -106,6 +106,20 @@ void EngineRun::check_state() {
   }
 }
 
+// Below the shortest length of its curve (0.5) this engine's muscle does not go slack but pushes,
+// with more than its peak force; muscles never push, so the sign of the force shows it.
+void EngineRun::check_muscles() {
+  const mjModel* m = model_.raw();
+  for (int i = 0; i < m->nu; ++i) {
+    if (m->actuator_gaintype[i] != mjGAIN_MUSCLE || data_->actuator_force[i] <= 0.0) continue;
+    fault_ = "muscle '" + model_.name(Part::kActuator, i) + "' became shorter at " +
+             seconds(data_->time) +
+             " than half its optimal length, where the engine's muscles push: give it a longer "
+             "range";
+    throw Error(Fault::kUnsupported, "", fault_, "actuator " + model_.name(Part::kActuator, i));
+  }
+}
+
 // The engine would put zero in the place of such a control and go on.
 void EngineRun::check_inputs() {
   check_usable();
@@ -134,6 +148,7 @@ void EngineRun::forward() {
   mjData* d = data_.get();
   enter([m, d] { mj_forward(m, d); });
   check_state();
+  check_muscles();
 }
 
 void EngineRun::step(Index steps) {
@@ -144,6 +159,7 @@ void EngineRun::step(Index steps) {
   for (Index i = 0; i < steps; ++i) {
     enter([m, d] { mj_step(m, d); });
     check_state();
+    check_muscles();
   }
 }
 
@@ -188,15 +204,19 @@ Matrix EngineRun::inertia() const {
   return m;
 }
 
+// The engine's own sums are there only for models that ask for them.
 double EngineRun::potential_energy() const {
-  // Bodies under gravity and springs; mj_energyPos writes into the run's own place for it.
-  mj_energyPos(model_.raw(), data_.get());
-  return data_->energy[0];
+  const mjModel* m = model_.raw();
+  double energy = 0.0;
+  for (int b = 1; b < m->nbody; ++b) {
+    energy -= m->body_mass[b] * mju_dot3(m->opt.gravity, data_->xipos + 3 * b);
+  }
+  return energy;
 }
 
 double EngineRun::kinetic_energy() const {
-  mj_energyVel(model_.raw(), data_.get());
-  return data_->energy[1];
+  const In rate(data_->qvel, model_.velocities());
+  return 0.5 * rate.dot(inertia() * rate);
 }
 
 Index EngineRun::contacts() const { return data_->ncon; }

@@ -39,7 +39,8 @@ class EngineRun {
   // Moves on by `steps` time steps, computing everything anew at each. Throws Error when the run
   // cannot go on, after which it can only be freed: kAnalysis for motion that diverged (the engine
   // would start again from the reference without a word), kUnsupported for more contacts than there
-  // is room for, kData for a control that is not finite, kInternal for the engine's own faults.
+  // is room for and for muscles shorter than the engine can compute, kData for a control that is
+  // not finite, kInternal for the engine's own faults.
   void step(Index steps = 1);
 
   // Force on each degree of freedom that the engine needs for an acceleration at the present state:
@@ -57,7 +58,7 @@ class EngineRun {
   In actuator_length() const;      // m or rad
   Matrix actuator_moment() const;  // actuators x degrees of freedom: d length / d position
   Matrix inertia() const;          // M(q)
-  double potential_energy() const;  // J
+  double potential_energy() const;  // of weight, not of springs, J
   double kinetic_energy() const;    // J
   Index contacts() const;
   Index constraint_rows() const;
@@ -76,6 +77,7 @@ class EngineRun {
   void check_usable() const;
   void check_inputs();
   void check_state();
+  void check_muscles();
   [[noreturn]] void fail(int kind, const std::string& reason);
 
   EngineModel model_;

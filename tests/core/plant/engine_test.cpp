@@ -40,6 +40,12 @@ Eigen::Map<const Vector> as(const std::vector<double>& v) {
   return {v.data(), static_cast<Index>(v.size())};
 }
 
+Eigen::Matrix3d full(const std::vector<double>& m) {
+  Eigen::Matrix3d inertia;
+  inertia << m[0], m[3], m[4], m[3], m[1], m[5], m[4], m[5], m[2];
+  return inertia;
+}
+
 void joint(MjcfElement body, const std::string& name, const Numbers& n) {
   body.named("joint", name)
       .set("axis", {0, 1, 0})
@@ -56,10 +62,7 @@ std::string two_links(const Numbers& n = {}) {
   MjcfElement world = root.child("worldbody");
   world.named("site", "origin").set("pos", {0.1, 0.0, 0.0});
   MjcfElement first = world.named("body", "first");
-  first.child("inertial")
-      .set("pos", as(n.com))
-      .set("mass", n.mass)
-      .set("fullinertia", as(n.inertia));
+  first.inertial(n.mass, as(n.com), full(n.inertia));
   joint(first, "shoulder", n);
   MjcfElement second = first.named("body", "second").set("pos", as(n.fore));
   second.child("inertial")
@@ -93,7 +96,8 @@ double energy_of(EngineRun& run) { return run.potential_energy() + run.kinetic_e
 TEST(Engine, PendulumKeepsItsEnergy) {
   double before = 0.0;
   for (const double timestep : {1e-3, 0.5e-3}) {
-    EngineRun run(EngineModel::from_text(two_links({.timestep = timestep})));
+    // A muscle that is never long enough to resist.
+    EngineRun run(EngineModel::from_text(two_links({.timestep = timestep, .length = {1.5, 3.0}})));
     run.position() << 1.0, 0.5;
     run.forward();
     const double start = energy_of(run);
@@ -104,6 +108,7 @@ TEST(Engine, PendulumKeepsItsEnergy) {
       worst = std::max(worst, std::fabs(energy_of(run) - start));
     }
     EXPECT_LT(worst, 0.05 * 1.5 * 9.81 * 0.6) << timestep;  // of the height it falls through
+    EXPECT_GT(worst, 1e-5);                                 // it does move
     if (before > 0.0) {
       EXPECT_NEAR(before / worst, 2.0, 0.3);
     }
@@ -282,6 +287,14 @@ TEST(Engine, DivergenceEndsTheRun) {
   EXPECT_TRUE(run.faulted());
   expect_words(error_of([&] { run.step(); }), Fault::kArgument, "can only be freed");
   expect_words(error_of([&] { run.reset(); }), Fault::kArgument, "diverged");
+}
+
+TEST(Engine, MusclesThatWouldPushEndTheRun) {
+  EngineRun run(EngineModel::from_text(two_links({.length = {3.0, 4.0}, .muscle = {300, 0.6, 1}})));
+  run.activation()[0] = 1.0;
+  expect_words(error_of([&] { run.forward(); }), Fault::kUnsupported,
+               "muscle 'biceps' became shorter");
+  EXPECT_TRUE(run.faulted());
 }
 
 // Spheres in a row on a floor; closer than 0.2 m they touch.
