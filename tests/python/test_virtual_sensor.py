@@ -153,6 +153,32 @@ def test_against_a_simulated_loop():
     assert np.sqrt(np.mean(miss**2)) < 0.01 * np.sqrt(np.mean(truth**2))
 
 
+def test_a_simulated_rig_of_springs_is_recovered():
+    """The whole chain: springs in closed form, simulated robot, virtual sensor, identification."""
+    sim = pytest.importorskip("ulna.sim")
+    springs = ulna.rig.SpringArray.on_frame(
+        [0, 200, 0, 90, 0, 200, 0, 90], rest_m=0.10, centre_m=(0.383, 0.0)
+    )
+    t = np.arange(50000) / 1000
+    w = 2 * np.pi * (0.1 + 0.2 * np.arange(9)[:, None] + [0.0, 0.07])
+    # Two millimetres: beyond, the springs themselves are not linear to 0.1 %.
+    at = w * t[:, None, None] + np.arange(18.0).reshape(9, 2) ** 2
+    log = sim.simulate(
+        sim.Arm(M=0.539 * np.eye(2), B=np.zeros((2, 2)), springs=springs, frame="robot"),
+        5e-4 * np.sin(at).sum(axis=1),
+        sensors=sim.Sensors.exact(),
+        extras=("robot", "acceleration"),
+    )
+    found = compare(log, acceleration="a", reference="x_ref")
+    for method, estimate in found.estimates.items():
+        K = springs.equilibrium().K
+        assert np.diag(estimate.K) == pytest.approx(np.diag(K), rel=1e-3), method
+        assert estimate.K[0, 1] == pytest.approx(0, abs=0.5)
+        assert np.diag(estimate.M) == pytest.approx([0.539] * 2, rel=5e-3), method
+        # The torque of a controller's step is held for a millisecond: half of that is a lag.
+        assert np.abs(estimate.B).max() < 0.3, method
+
+
 def test_the_noise_budget_is_the_scatter():
     record, truth = made(angle=2e-5, torque=0.02, acceleration=0.05)
     errors = {"torque_noise_nm": 0.02, "angle_noise_rad": 2e-5, "lowpass_hz": 15}
