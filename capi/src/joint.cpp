@@ -1,5 +1,6 @@
 #include <ulna/joint.h>
 
+#include <algorithm>
 #include <memory>
 #include <vector>
 

@@ -1,12 +1,13 @@
 #include <ulna/reflex.h>
 
-#include <cmath>
+#include <algorithm>
 #include <memory>
 #include <vector>
 
 #include "guard.hpp"
 #include "handles.hpp"
 #include "ident.hpp"
+#include "stats/distributions.hpp"
 
 using namespace ulna;
 using namespace ulna::capi;
@@ -385,6 +386,7 @@ ulna_status ulna_windows_get_info(const ulna_windows* windows, ulna_windows_info
                                                              : ULNA_ESTIMATOR_LEAST_SQUARES;
     info.p_value = e.p_value;
     info.degrees = e.degrees;
+    info.quantile = student_quantile(0.975, e.degrees);
     info.condition = e.condition;
     info.early_rows = e.early.rows;
     info.late_rows = e.late.rows;

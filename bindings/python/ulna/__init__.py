@@ -29,7 +29,7 @@ from ._call import (
 from ._release import RELEASE as __version__
 
 if TYPE_CHECKING:
-    from . import passivity
+    from . import joint, passivity
     from .impedance import (
         ImpedanceEstimate,
         UncertainResult,
@@ -38,13 +38,24 @@ if TYPE_CHECKING:
         preprocess,
     )
     from .io import inspect, read
+    from .models import identify_transfer_function
     from .record import Record
+    from .reflex import (
+        ReflexEstimate,
+        compare_windows,
+        identify_delayed_feedback,
+        identify_reflex,
+    )
     from .report import report
+    from .systems import StateSpace, TransferFunction
 
 # Public name -> module that holds it.
 _HOMES = {
+    "StateSpace": "systems",
+    "TransferFunction": "systems",
     "read": "io",
     "inspect": "io",
+    "identify_transfer_function": "models",
     "Record": "record",
     "preprocess": "impedance",
     "identify_impedance": "impedance",
@@ -52,9 +63,18 @@ _HOMES = {
     "UncertainResult": "impedance",
     "ellipse": "impedance",
     "report": "report",
+    "identify_reflex": "reflex",
+    "identify_delayed_feedback": "reflex",
+    "compare_windows": "reflex",
+    "ReflexEstimate": "reflex",
 }
 _MODULES = (
+    "joint",
+    "models",
+    "reflex",
     "signal",
+    "systems",
+    "teleoperation",
     "record",
     "io",
     "impedance",
@@ -81,13 +101,21 @@ __all__ = [
     "InternalError",
     "OutOfMemory",
     "Record",
+    "ReflexEstimate",
+    "StateSpace",
+    "TransferFunction",
     "UncertainResult",
     "UnsupportedError",
     "__version__",
     "build_information",
+    "compare_windows",
     "ellipse",
+    "identify_delayed_feedback",
     "identify_impedance",
+    "identify_reflex",
+    "identify_transfer_function",
     "inspect",
+    "joint",
     "passivity",
     "preprocess",
     "read",

@@ -19,31 +19,44 @@ from typing import Any
 import numpy as np
 
 from ._figure import BLUE, GREEN, GREY, INK, ORANGE, SKY, WIDTH_IN, axes_grid, style
+from ._plot_models import orders, response, transfer_function
+from ._plot_passivity import allowed, port_indices, two_port
+from ._plot_reflex import delay_profile, joint, reflex, windows
 from ._plot_rig import sensing_methods, sensor_check, spring_array, virtual_force
 from ._response import dynamic_stiffness, is_break, measured_response, raw_signals
 from .record import refuse
 
 __all__ = [
     "Picture",
+    "allowed",
+    "delay_profile",
     "ellipses",
     "energy",
     "entry_names",
     "frequency_response",
     "human_share",
+    "joint",
     "measured_response",
     "method_name",
+    "orders",
     "overview",
     "parameters",
     "pictures",
+    "port_indices",
     "prediction",
     "record",
+    "reflex",
+    "response",
     "sensing_methods",
     "sensor_check",
     "signals",
     "spring_array",
     "style",
+    "transfer_function",
+    "two_port",
     "unit_of",
     "virtual_force",
+    "windows",
 ]
 
 _POINTS = 2000  # a line; more do not show on a page

@@ -258,6 +258,7 @@ typedef struct ulna_windows_info {
   int32_t estimator;   /* ULNA_ESTIMATOR_LEAST_SQUARES or _INSTRUMENTAL */
   double p_value;      /* that both windows agree; NaN with too few perturbations */
   double degrees;      /* of Student's t for intervals */
+  double quantile;     /* of it, for 95 % on both sides */
   double condition;    /* of the regressors, in unit columns */
   int64_t early_rows;  /* samples in windows */
   int64_t late_rows;   /* samples after them */
