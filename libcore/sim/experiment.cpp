@@ -6,16 +6,12 @@
 
 #include "base/error.hpp"
 #include "base/pool.hpp"
-#include "base/random.hpp"
 #include "base/words.hpp"
 #include "sim/loop.hpp"
+#include "sim/streams.hpp"
 
 namespace ulna::sim {
 namespace {
-
-// Streams after those of the loop; see loop.cpp.
-constexpr std::uint64_t kStreams = 16;
-enum Stream : std::uint64_t { kPosition = 2, kForce = 3, kAccelerometer = 4 };
 
 constexpr const char* kAxis[2] = {"x", "y"};
 
@@ -160,9 +156,9 @@ class Recorder {
         course_(course),
         n_(e.axes()),
         columns_(e.reference.rows(), e.frame),
-        position_noise_(seed, run * kStreams + kPosition),
-        force_noise_(seed, run * kStreams + kForce),
-        acceleration_noise_(seed, run * kStreams + kAccelerometer) {}
+        position_noise_(random_of(seed, run, Stream::kPosition)),
+        force_noise_(random_of(seed, run, Stream::kForce)),
+        acceleration_noise_(random_of(seed, run, Stream::kAccelerometer)) {}
 
   Record::Parts parts() {
     declare();

@@ -5,13 +5,10 @@
 
 #include "base/error.hpp"
 #include "base/words.hpp"
+#include "sim/streams.hpp"
 
 namespace ulna::sim {
 namespace {
-
-// Streams of random numbers of one run, kStreams apart from the next run's.
-enum Stream : std::uint64_t { kTremorX = 0, kTremorY = 1 };
-constexpr std::uint64_t kStreams = 16;
 
 constexpr double kRunaway_m_s = 10.0;  // no arm and no robot of this kind is ever that fast
 
@@ -40,8 +37,8 @@ ColouredNoise tremor_of(const Experiment& e, int axis, double step_s, std::uint6
                         std::uint64_t run) {
   const Tremor& t = e.human.tremor;
   const double rms = axis < e.axes() ? t.rms_n : 0.0;
-  const std::uint64_t stream = run * kStreams + (axis == 0 ? kTremorX : kTremorY);
-  return ColouredNoise(rms, t.natural_hz, t.damping, step_s, Random(seed, stream));
+  const Stream stream = axis == 0 ? Stream::kTremorX : Stream::kTremorY;
+  return ColouredNoise(rms, t.natural_hz, t.damping, step_s, random_of(seed, run, stream));
 }
 
 }  // namespace
@@ -70,9 +67,11 @@ Vector2 History::back(double steps) const noexcept {
   return (1.0 - part) * at(near) + part * at(near + 1);
 }
 
-Loop::Loop(const Experiment& e, std::uint64_t seed, std::uint64_t run, const Vector2& offset_m)
+Loop::Loop(const Experiment& e, std::uint64_t seed, std::uint64_t run, const Vector2& offset_m,
+           Index substeps)
     : e_(e),
       step_s_(1.0 / control_rate(e)),
+      substeps_(substeps),
       m_(padded(e.arm.m, 1.0) + e.arm.payload_kg * Matrix2::Identity()),
       b_(padded(e.arm.b, 1.0)),
       k_(padded(e.arm.k, 1.0)),
@@ -102,7 +101,7 @@ Loop::Loop(const Experiment& e, std::uint64_t seed, std::uint64_t run, const Vec
                          eigen.eigenvalues()[0],
                          " kg in one direction): a negative mass cannot be simulated"));
   }
-  choose_substeps();
+  if (substeps_ == 0) choose_substeps();
   tremor_now_ << tremor_x_.next(), tremor_y_.next();
 }
 

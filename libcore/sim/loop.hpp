@@ -45,9 +45,10 @@ class History {
 // State of one run: belongs to one thread. The experiment must outlive it.
 class Loop {
  public:
-  // offset_m moves the start away from the equilibrium of the reference, for the test of stability.
+  // offset_m moves the start away from the equilibrium of the reference, for the test of stability;
+  // substeps: of the integration in one step of the control, 0 chosen by the fastest mode.
   Loop(const Experiment& experiment, std::uint64_t seed, std::uint64_t run,
-       const Vector2& offset_m = Vector2::Zero());
+       const Vector2& offset_m = Vector2::Zero(), Index substeps = 0);
 
   // The present instant under a reference and its rate; then to the next. Throws Error (kAnalysis)
   // when the handle runs away or meets a stop.

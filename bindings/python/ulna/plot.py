@@ -23,11 +23,13 @@ from ._plot_models import orders, response, transfer_function
 from ._plot_passivity import allowed, port_indices, two_port
 from ._plot_reflex import delay_profile, joint, reflex, windows
 from ._plot_rig import sensing_methods, sensor_check, spring_array, virtual_force
+from ._plot_sim import absorbed_energy, loop
 from ._response import dynamic_stiffness, is_break, measured_response, raw_signals
 from .record import refuse
 
 __all__ = [
     "Picture",
+    "absorbed_energy",
     "allowed",
     "delay_profile",
     "ellipses",
@@ -36,6 +38,7 @@ __all__ = [
     "frequency_response",
     "human_share",
     "joint",
+    "loop",
     "measured_response",
     "method_name",
     "orders",

@@ -6,6 +6,7 @@ the human on the robot. SI units.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from math import pi
@@ -27,6 +28,7 @@ __all__ = [
     "Sensors",
     "arms",
     "batch",
+    "holding",
     "simulate",
 ]
 
@@ -44,6 +46,7 @@ _REACH_M = 0.383
 _PLACES = {
     "shoulder": (_TEST_LOCATION_M, (0.0, _TEST_LOCATION_M[1] + _REACH_M), -pi / 2),
     "robot": ((_REACH_M, 0.0), (0.0, 0.0), 0.0),
+    "rig": ((0.0, 0.0), (-_REACH_M, 0.0), 0.0),
 }
 
 
@@ -63,7 +66,8 @@ class Arm:
         Anchor x and y (m), rate (N/m) and rest length (m) of springs on the handle. Their force is
         evaluated exactly, in place of K.
     frame : str
-        "shoulder" (origin at the shoulder, y away from the body) or "robot" (origin at its base).
+        "shoulder" (origin at the shoulder, y away from the body), "robot" (origin at its base) or
+        "rig" (of the springs).
     name : str
 
     Examples
@@ -99,6 +103,36 @@ class Arm:
             raise refuse(
                 f"frame is {self.frame!r}; it must be one of {', '.join(_PLACES)}", "frame"
             )
+
+    @classmethod
+    def of_springs(
+        cls, springs: Any, *, mass_kg: float, damping_n_s_m: float = 0.0, name: str = ""
+    ) -> Arm:
+        """A rig of springs with a payload in place of an arm.
+
+        Parameters
+        ----------
+        springs : ulna.rig.SpringArray or array_like, shape (springs, 4)
+        mass_kg : float
+            Payload: the inertia of the rig.
+        damping_n_s_m : float
+            Of the rig, along both axes alike.
+
+        Examples
+        --------
+        >>> import ulna
+        >>> Arm.of_springs(ulna.rig.SpringArray.on_frame([80] * 8, rest_m=0.09), mass_kg=0.539)
+        <Arm of 2 axes, M [0.539 0; 0 0.539] kg, B [0 0; 0 0] N s/m, 8 springs>
+        """
+        rest = springs.equilibrium().position_m if hasattr(springs, "equilibrium") else None
+        return cls(
+            mass_kg * np.eye(2),
+            damping_n_s_m * np.eye(2),
+            springs=np.asarray(springs),
+            x0_m=rest,
+            frame="rig",
+            name=name,
+        )
 
     @property
     def n(self) -> int:
@@ -294,6 +328,53 @@ def arms(table: str) -> dict[str, Arm]:
     }
 
 
+def holding(arm: Arm, *, tremor_n: float = 0.0) -> Human:
+    """A human who holds the hand where it is: rigid grasping, chapter 4 of Dyck (2013).
+
+    The arm is co-contracted a little. A controller brings the hand back after a reaction time of 0.15 s;
+    when the hand is moved fast or without pause, the human stiffens instead and the controller fades.
+    The gains follow the arm's own stiffness and damping (means of the diagonals of K and B). They were
+    chosen so that Table 4.3 and Fig. 4.5 come out for the arms of Table 3.2; they are no measurement.
+
+    Parameters
+    ----------
+    arm : Arm
+    tremor_n : float
+        As for `Human`.
+
+    Examples
+    --------
+    >>> human = holding(arms("3.2")["P1"])
+    >>> human.cns.delay_s, round(human.cns.integral_n_m_s, 1)
+    (0.15, 230.8)
+    """
+    _require(arm, Arm, "arm")
+    if arm.K is None:
+        raise refuse(
+            "springs do not hold a place on purpose: give an arm with a stiffness K", "arm"
+        )
+    stiffness, damping = float(np.trace(arm.K)) / arm.n, float(np.trace(arm.B)) / arm.n
+    if not (stiffness > 0 and damping > 0):
+        raise refuse("the arm's K and B must be positive on average, or no gains follow", "arm")
+    return Human(
+        tremor_n=tremor_n,
+        cns=CNS(
+            stiffness_n_m=0.08 * stiffness,
+            damping_n_s_m=2.2 * damping,
+            integral_n_m_s=2.75 * stiffness,
+            delay_s=0.15,
+            lag_s=0.05,
+        ),
+        cocontraction=Cocontraction(
+            level=0.22,
+            stiffness_factor=3.2,
+            damping_factor=2.6,
+            reaction_speed_m_s=0.18,
+            memory_s=0.65,
+        ),
+    )
+
+
 def simulate(
     arm: Arm,
     reference: Any,
@@ -315,9 +396,10 @@ def simulate(
     ----------
     arm : Arm
     reference : design or array_like, shape (rows, n)
-        A design of `ulna.design`, or anything with `reference`, `rate_hz`, `kind` and `segments`; or an
-        array: positions relative to the centre (m) or, with force control, forces of the robot on the
-        human (N).
+        A design of `ulna.design`, its table as `ulna.read` reads it, or anything with `reference`,
+        `rate_hz`, `kind` and `segments`; or an array: positions relative to the centre (m) or, with
+        force control, forces of the robot on the human (N). A design along x or y alone leaves the
+        other axis of the arm at 0.
     robot : Robot, optional
     human : Human, optional
         By default passive: no force of its own.
@@ -329,7 +411,7 @@ def simulate(
         Rows of the perturbations; by default the design's, or all rows.
     centre_m : array_like, shape (n,), optional
         Where the reference is zero. By default (0, 0.52) m from the shoulder, the test location of Dyck
-        (2013), (0.383, 0) m from the robot's base, or 0 for one axis.
+        (2013), (0.383, 0) m from the robot's base, where springs rest, or 0 for one axis.
     settle_s : float
         Time at the first row of the reference before the record starts.
     extras : iterable of {"acceleration", "robot", "truth"}
@@ -448,7 +530,7 @@ def _question(
     _require(robot, Robot, "robot")
     _require(human, Human, "human")
     _require(sensors, Sensors, "sensors")
-    plan = _plan(reference, rate_hz, segments)
+    plan = _plan(reference, rate_hz, segments, arm.n)
     centre, base, angle = _place(arm, robot, centre_m)
     control = robot.control or plan.kind
     if control not in _CONTROLS:
@@ -511,11 +593,18 @@ class _Plan:
     given: bool  # by a design, not as a bare array
 
 
-def _plan(reference: Any, rate_hz: float | None, segments: Any) -> _Plan:
+def _plan(reference: Any, rate_hz: float | None, segments: Any, n: int) -> _Plan:
+    if isinstance(reference, Record):
+        reference = _Table(reference)
     given = hasattr(reference, "reference") and hasattr(reference, "rate_hz")
     values = np.asarray(reference.reference if given else reference)
     if values.dtype.kind not in "fiub" or values.ndim not in (1, 2):
         raise refuse("the reference must be a design, or numbers of shape (rows, n)", "reference")
+    if getattr(reference, "unit", "m") not in ("m", "N"):
+        raise refuse(
+            f"the design is in {reference.unit}, but the handle is moved in m or pushed in N",
+            "reference",
+        )
     if given and rate_hz not in (None, reference.rate_hz):
         raise refuse(
             f"rate_hz is {rate_hz:g}, but the design's is {reference.rate_hz:g}", "rate_hz"
@@ -525,7 +614,7 @@ def _plan(reference: Any, rate_hz: float | None, segments: Any) -> _Plan:
         raise refuse("rate_hz must be positive", "rate_hz")
     rows = getattr(reference, "segments", None) if segments is None else segments
     return _Plan(
-        reference=values,
+        reference=_on_axes(values, tuple(getattr(reference, "axes", ())), n),
         rate_hz=float(rate),
         kind=str(getattr(reference, "kind", "position")) if given else "position",
         segments=_segments(rows),
@@ -534,9 +623,40 @@ def _plan(reference: Any, rate_hz: float | None, segments: Any) -> _Plan:
     )
 
 
+class _Table:
+    """A design as it was read from a table: channels x_ref, y_ref or F_x_ref, F_y_ref."""
+
+    def __init__(self, record: Record) -> None:
+        found = [re.fullmatch(r"(F_)?([xy])_ref", c.name) for c in record.channels]
+        names = [m[0] for m in found if m]
+        if not names or len({name[:2] == "F_" for name in names}) > 1:
+            raise refuse(
+                "the record is no design: it must have the channels x_ref and y_ref, or F_x_ref and "
+                f"F_y_ref, and it has {', '.join(c.name for c in record.channels)}",
+                "reference",
+            )
+        self.kind = "force" if names[0].startswith("F_") else "position"
+        self.axes = tuple(m[2] for m in found if m)
+        self.reference = np.column_stack([record[name] for name in names])
+        self.rate_hz = record.rate_hz
+        self.segments = record.segments
+        self.provenance = "\n".join(record.provenance)
+
+
+def _on_axes(values: np.ndarray, names: tuple[str, ...], n: int) -> np.ndarray:
+    """A design along x or y alone, for an arm of two axes: the other reference is zero."""
+    one = values.ndim == 1 or values.shape[1] == 1
+    if n != 2 or not one or names not in (("x",), ("y",)):
+        return values
+    both = np.zeros((len(values), 2))
+    both[:, "xy".index(names[0])] = values.reshape(-1)
+    return both
+
+
 def _segments(rows: Any) -> np.ndarray:
     pairs = [
-        (row.begin, row.end) if hasattr(row, "begin") else row for row in ([] if rows is None else rows)
+        (row.begin, row.end) if hasattr(row, "begin") else row
+        for row in ([] if rows is None else rows)
     ]
     try:
         out = np.array(pairs, dtype=np.int64).reshape(len(pairs), 2)
@@ -556,8 +676,12 @@ def _place(
     centre, base, angle = _PLACES[arm.frame]
     if arm.n == 1:
         centre = (0.0,)
+    if arm.springs is not None and arm.x0_m is not None:
+        centre = arm.x0_m
     if centre_m is not None:
         centre = np.atleast_1d(np.asarray(centre_m, dtype=float))
+    if arm.frame == "rig":
+        base = (centre[0] - _REACH_M, centre[-1])
     if isinstance(robot.mechanism, Carriage):
         base, angle = (*centre, 0.0)[:2], 0.0
     return (
