@@ -22,7 +22,6 @@ namespace ulna {
 
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr int kPoses = 24;     // of either joint, for feasibility
 constexpr Index kDraws = 400;  // for its probability
 constexpr double kBiasLevel = 0.01;
@@ -207,11 +206,12 @@ RobotFit identify_robot(const Record& record, const PlanarRobot& robot,
   wide.window = 0;
   wide.lowpass_hz = std::min(4.0 * out.lowpass_hz, 0.2 * record.rate_hz());
   out.wide_hz = wide.lowpass_hz;
-  const Prepared prepared =
-      prepare(record, {angle, torque, reference}, wide, options.threads, token);
+  Prepared prepared = prepare(record, {angle, torque, reference}, wide, options.threads, token);
+  drop_transients(prepared, record);
   std::vector<Matrix> forces;
   if (!force.empty()) {
-    const Prepared other = prepare(record, {angle, force, {}}, wide, options.threads, token);
+    Prepared other = prepare(record, {angle, force, {}}, wide, options.threads, token);
+    drop_transients(other, record);
     for (const PreparedTrial& trial : other.trials) forces.push_back(trial.force());
   }
 

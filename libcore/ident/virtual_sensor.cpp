@@ -18,7 +18,6 @@ namespace {
 using Vector8 = Eigen::Matrix<double, 8, 1>;  // angle, rate, acceleration (joint or handle), torque
 using Sensitivity = Eigen::Matrix<double, 2, 8>;
 
-constexpr double kDegree = kPi / 180.0;
 
 struct Channels {
   std::vector<Index> angle, torque, acceleration, reference, measured;
@@ -180,12 +179,15 @@ VirtualForce sense_force(const Record& record, const PlanarRobot& robot,
   const PrepareOptions wide = wide_options(
       record, have_reference && channels.reference_is_angle ? channels.reference : channels.angle,
       options.prepare);
-  const Prepared main = prepare(record, {channels.angle, channels.torque, channels.reference}, wide,
-                                options.threads, token);
+  Prepared main = prepare(record, {channels.angle, channels.torque, channels.reference}, wide,
+                          options.threads, token);
+  drop_transients(main, record);
   // Further pairs through the same smoother.
   const auto beside = [&](const std::vector<Index>& pair) {
-    return pair.empty() ? Prepared{}
-                        : prepare(record, {channels.angle, pair, {}}, wide, options.threads, token);
+    if (pair.empty()) return Prepared{};
+    Prepared out = prepare(record, {channels.angle, pair, {}}, wide, options.threads, token);
+    drop_transients(out, record);
+    return out;
   };
   const Prepared acceleration = beside(channels.acceleration);
   const Prepared measured = beside(channels.measured);

@@ -1,7 +1,11 @@
 #include "ident/wide.hpp"
 
 #include <algorithm>
+#include <string>
+#include <utility>
 
+#include "base/error.hpp"
+#include "base/words.hpp"
 #include "signal/butterworth.hpp"
 
 namespace ulna {
@@ -26,6 +30,28 @@ PrepareOptions wide_options(const Record& record, const std::vector<Index>& chan
       std::min(times * chosen_lowpass(record, channels, options), 0.2 * record.rate_hz());
   out.corrected = false;
   return out;
+}
+
+void drop_transients(Prepared& prepared, const Record& record) {
+  const Index cut = prepared.report.transient_rows;
+  if (cut == 0) return;
+  for (PreparedTrial& trial : prepared.trials) {
+    const Index rows = trial.rows() - 2 * cut;
+    if (rows < 2 * prepared.report.window) {
+      const double rate = record.rate_hz();
+      throw Error(
+          Fault::kData, "time",
+          sentence(4, "the trial at row ", trial.begin(), " lasts ",
+                   static_cast<double>(trial.rows()) / rate, " s, of which the low pass at ",
+                   prepared.report.lowpass_hz, " Hz spoils ", static_cast<double>(cut) / rate,
+                   " s at either end: record longer, or raise the low pass"),
+          "row " + std::to_string(trial.begin()));
+    }
+    const Index n = static_cast<Index>(prepared.roles.position.size());
+    const Index m = static_cast<Index>(prepared.roles.reference.size());
+    trial = PreparedTrial(trial.begin() + cut, n, m, trial.table().middleRows(cut, rows));
+  }
+  prepared.report.dropped_rows += cut;
 }
 
 }  // namespace ulna

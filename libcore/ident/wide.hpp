@@ -15,4 +15,9 @@ double chosen_lowpass(const Record& record, const std::vector<Index>& channels,
 PrepareOptions wide_options(const Record& record, const std::vector<Index>& channels,
                             const PrepareOptions& options, double times = 4.0);
 
+// Leaves out the rows at either end of every trial where the extension of the low pass shows: it
+// starts from one noisy sample, whose second derivative, hardly filtered, may exceed the motion by
+// far. Adds them to report.dropped_rows. Throws Error (kData) when nothing of a trial remains.
+void drop_transients(Prepared& prepared, const Record& record);
+
 }  // namespace ulna

@@ -2,7 +2,6 @@
 
 #include <Eigen/LU>
 #include <cmath>
-#include <limits>
 #include <memory>
 
 #include "base/error.hpp"
@@ -13,8 +12,6 @@
 namespace ulna {
 
 namespace {
-
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 Index axes_of(const NaturalParameters& p, const char* argument) {
   for (Index n = 1; n <= 6; ++n) {
@@ -111,8 +108,8 @@ TaredRecord tare_record(const Record& record, const NaturalParameters& rig, cons
           sentence(6, "the rig has ", n, " axes, the record ", roles.position.size()));
   const Offsets offsets = with_offsets(rig, n, "rig");
   options = wide_options(record, roles.position, options);
-  const Prepared prepared =
-      prepare(record, {roles.position, roles.force, {}}, options, threads, token);
+  Prepared prepared = prepare(record, {roles.position, roles.force, {}}, options, threads, token);
+  drop_transients(prepared, record);
 
   // Rows with a full window, of the record's own channels; the motion is differentiated.
   Index rows = 0;

@@ -34,8 +34,8 @@ struct TaredRecord {
 // M_r x'' + B_r x' + K_r (x - x_r) = -F_rig, hence F_hand = F + M_r x'' + B_r x' + K_r (x - x_r).
 // Motion is differentiated with a low pass four times above the one an identification would choose
 // (options.lowpass_hz 0), so that the identification's own filter finds the same operator on force
-// and motion. Rows without a full window at the ends of every trial are left out. Errors as
-// prepare; kArgument when the rig has another number of axes than the record.
+// and motion. Rows at the ends of every trial where the smoother starts and stops are left out.
+// Errors as prepare; kArgument when the rig has another number of axes than the record.
 TaredRecord tare_record(const Record& record, const NaturalParameters& rig, const Roles& roles,
                         PrepareOptions options, int threads = 1, Token* token = nullptr);
 

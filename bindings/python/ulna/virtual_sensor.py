@@ -341,7 +341,8 @@ def sense(
     """The force on the handle from the robot's motion and motor torques.
 
     All signals pass the same smoother, by default wide open over the band of the motion so that an
-    identification afterwards filters for good (``lowpass_hz=4.5, window=151`` are the thesis').
+    identification afterwards filters for good (``lowpass_hz=4.5, window=151`` are the thesis'). Rows at the
+    ends of every trial where the smoother starts and stops are left out: 0.2 s at 20 Hz.
 
     Parameters
     ----------

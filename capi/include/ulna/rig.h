@@ -378,7 +378,7 @@ ULNA_API ulna_status ulna_tare_impedance(const ulna_view *measured,
                                          double *out, int64_t capacity, int64_t *out_count);
 
 /** The record with forces of the hand alone, F + M_r x'' + B_r x' + K_r (x - x_r), the rig given by
- * natural parameters. Rows without a full window of the differentiation are left out.
+ * natural parameters. Rows at the ends where the differentiation starts and stops are left out.
  * @thread any
  * @since 0.1 */
 ULNA_API ulna_status ulna_tare_record(const ulna_record *record,

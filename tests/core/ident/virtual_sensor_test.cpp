@@ -181,6 +181,21 @@ TEST(VirtualSensor, ASingularPoseIsRefusedWithItsPlace) {
   EXPECT_LT(jacobian_quality(CapstanRobot().at(q, Vector2::Zero()).jacobian), 0.051);
 }
 
+TEST(VirtualSensor, NoisyEndsAreLeftOut) {
+  // The extension of the low pass starts from one sample: its second derivative, hardly filtered,
+  // exceeds the motion by far where the rate is high.
+  MadeRobot made;
+  made.rate_hz = 1000.0;
+  made.duration_s = 10.0;
+  made.angle_noise = 1e-5;
+  const MadeLog log = make_robot_log(made);
+  const VirtualForce force = sense_force(*log.record, CapstanRobot(), {});
+  const Matrix miss =
+      force.record.values().middleCols(2, 2) - truth_at(log, force.record);
+  // Noise of 20 mN inside; at the ends the same, not newtons.
+  EXPECT_LT(miss.cwiseAbs().maxCoeff(), 0.3);
+}
+
 TEST(VirtualSensor, RefusesWhatItCannotUse) {
   MadeRobot made;
   made.duration_s = 5.0;
@@ -209,6 +224,13 @@ TEST(VirtualSensor, RefusesWhatItCannotUse) {
   few.values.conservativeResize(Eigen::NoChange, 2);
   few.channels.resize(2);
   EXPECT_TRUE(has(refusal([&] { sense_force(Record::make(std::move(few)), robot, {}); }), "tau"));
+  // A trial that the smoother starts and stops in.
+  MadeRobot brief;
+  brief.duration_s = 1.0;
+  const MadeLog second = make_robot_log(brief);
+  VirtualSensorOptions slow;
+  slow.prepare.lowpass_hz = 5.0;
+  EXPECT_TRUE(has(refusal([&] { sense_force(*second.record, robot, slow); }), "record longer"));
 }
 
 }  // namespace
