@@ -30,7 +30,11 @@ PrepareRequest prepare_request(const ulna_prepare_options* given) {
 }
 
 ulna_prepare_report prepare_report(const Prepared& prepared) {
-  const PrepareReport& report = prepared.report;
+  return prepare_report(prepared.report, derivative_consistency(prepared));
+}
+
+ulna_prepare_report prepare_report(const PrepareReport& report,
+                                   const DerivativeConsistency& consistency) {
   ulna_prepare_report out = {};
   out.rate_hz = report.rate_hz;
   out.lowpass_hz = report.lowpass_hz;
@@ -44,7 +48,6 @@ ulna_prepare_report prepare_report(const Prepared& prepared) {
   out.lowpass_order = report.lowpass_order;
   out.lowpass_chosen = report.lowpass_chosen ? 1 : 0;
   out.short_trials = report.short_trials ? 1 : 0;
-  const DerivativeConsistency consistency = derivative_consistency(prepared);
   out.velocity_consistency = consistency.velocity;
   out.position_consistency = consistency.position;
   return out;

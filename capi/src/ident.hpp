@@ -5,6 +5,7 @@
 
 #include <string>
 
+#include "ident/consistency.hpp"
 #include "ident/prepare.hpp"
 
 namespace ulna::capi {
@@ -17,5 +18,7 @@ struct PrepareRequest {
 
 PrepareRequest prepare_request(const ulna_prepare_options* options);
 ulna_prepare_report prepare_report(const Prepared& prepared);
+ulna_prepare_report prepare_report(const PrepareReport& report,
+                                   const DerivativeConsistency& consistency);
 
 }  // namespace ulna::capi

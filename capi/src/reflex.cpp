@@ -215,10 +215,9 @@ std::string words(const std::vector<std::string>& warnings, const std::vector<st
   return all;
 }
 
-ulna_prepare_report report_struct(const PrepareReport& report) {
-  Prepared prepared;
-  prepared.report = report;
-  return prepare_report(prepared);
+template <class Estimate>
+ulna_prepare_report report_of(const Estimate& e) {
+  return prepare_report(e.report, e.consistency);
 }
 
 ulna_reflex_info reflex_info(const ReflexEstimate& e) {
@@ -269,9 +268,8 @@ ulna_status ulna_reflex_get_info(const ulna_reflex* reflex, ulna_reflex_info* ou
 
 ulna_status ulna_reflex_get_preparation(const ulna_reflex* reflex,
                                         ulna_prepare_report* out_report) {
-  return guarded([&] {
-    write_result(out_report, report_struct(deref(reflex, "reflex").estimate.report), "out_report");
-  });
+  return guarded(
+      [&] { write_result(out_report, report_of(deref(reflex, "reflex").estimate), "out_report"); });
 }
 
 ulna_status ulna_reflex_get_values(const ulna_reflex* reflex, int32_t quantity, double* out,
@@ -341,8 +339,7 @@ ulna_status ulna_delayed_get_info(const ulna_delayed* delayed, ulna_delayed_info
 ulna_status ulna_delayed_get_preparation(const ulna_delayed* delayed,
                                          ulna_prepare_report* out_report) {
   return guarded([&] {
-    write_result(out_report, report_struct(deref(delayed, "delayed").estimate.report),
-                 "out_report");
+    write_result(out_report, report_of(deref(delayed, "delayed").estimate), "out_report");
   });
 }
 
@@ -397,8 +394,7 @@ ulna_status ulna_windows_get_info(const ulna_windows* windows, ulna_windows_info
 ulna_status ulna_windows_get_preparation(const ulna_windows* windows,
                                          ulna_prepare_report* out_report) {
   return guarded([&] {
-    write_result(out_report, report_struct(deref(windows, "windows").comparison.report),
-                 "out_report");
+    write_result(out_report, report_of(deref(windows, "windows").comparison), "out_report");
   });
 }
 

@@ -17,9 +17,7 @@
 namespace ulna {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kQuantile = 1.959963984540054;  // 95 %
-constexpr double kIllCondition = 200.0;
 constexpr Index kDelayPoints = 41;
 
 // Every stride-th row of spans of prepared trials that has the longest delay behind it.
@@ -462,6 +460,7 @@ DelayedEstimate identify_delayed(const Record& record, const DelayedOptions& opt
   DelayedEstimate out;
   out.n = n;
   out.report = prepared.report;
+  out.consistency = derivative_consistency(prepared);
   out.estimator = instrumental ? Estimator::kInstrumental : Estimator::kLeastSquares;
   for (const Index c : roles.position) {
     out.axes.push_back(record.channels()[static_cast<std::size_t>(c)].name);

@@ -12,6 +12,7 @@
 
 #include "base/token.hpp"
 #include "base/types.hpp"
+#include "ident/consistency.hpp"
 #include "ident/linear.hpp"
 #include "ident/prepare.hpp"
 #include "impedance/estimate.hpp"
@@ -66,6 +67,7 @@ struct DelayedEstimate {
   bool refitted = false;
   std::uint32_t outcome = kDelayedGood;
   PrepareReport report;
+  DerivativeConsistency consistency;
   std::vector<std::string> warnings, notes, provenance;
 };
 

@@ -19,7 +19,6 @@
 namespace ulna {
 namespace {
 
-constexpr double kIllCondition = 200.0;
 constexpr double kBiasLevel = 0.01;
 // A model that holds accounts for nearly all of the force that the perturbation caused.
 constexpr double kGoodReferenceVaf = 95.0;

@@ -35,6 +35,9 @@ enum Outcome : std::uint32_t {
   kSuspectData = 1u << 7,   // the look at the record found something to check first
 };
 
+// Condition number of the regressors above which an estimate is marked; an error comes later.
+inline constexpr double kIllCondition = 200.0;
+
 struct ImpedanceOptions {
   PrepareOptions prepare;
   std::string position, force, reference;  // words for Record::resolve; empty: by role

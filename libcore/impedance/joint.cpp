@@ -6,7 +6,6 @@
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "base/error.hpp"
 #include "base/random.hpp"
@@ -16,10 +15,9 @@
 namespace ulna {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr std::uint64_t kJointStream = 1u << 24;
 
-double condition_of(const Matrix& j) {
+double condition_of_jacobian(const Matrix& j) {
   const Eigen::JacobiSVD<Matrix> svd(j);
   const Vector& s = svd.singularValues();
   const double least = s[s.size() - 1];
@@ -145,7 +143,7 @@ JointImpedance to_joint(const Vector& natural, const Matrix& covariance, const P
   const Index m = j.rows();
   check_inputs(natural, covariance, force, force_covariance, m, m);
   JointImpedance out;
-  out.condition = condition_of(j);
+  out.condition = condition_of_jacobian(j);
   out.gamma = gamma_of(posture, force);
   const Matrix left = j.transpose();
   out.m = left * matrix_at(natural, 0, m) * j;
@@ -163,7 +161,7 @@ JointImpedance to_endpoint(const Vector& natural, const Matrix& covariance, cons
   const Matrix& j = posture.jacobian;
   const Index n = j.cols();
   JointImpedance out;
-  out.condition = condition_of(j);
+  out.condition = condition_of_jacobian(j);
   if (j.rows() != n) {
     throw Error(Fault::kAnalysis, "jacobian",
                 "a Jacobian of " + std::to_string(j.rows()) + " x " + std::to_string(n) +
@@ -306,7 +304,7 @@ Record joint_record(const Record& record, const Roles& roles, const TwoLink& arm
       q = unwrapped(at_row(row, [&] { return angles_of(arm, pair(roles.position)); }), 0, row);
     }
     const Eigen::Matrix2d j = jacobian_of(arm, q);
-    const double condition = condition_of(j);
+    const double condition = condition_of_jacobian(j);
     if (!(condition <= condition_limit)) {
       throw Error(
           Fault::kAnalysis, "arm",

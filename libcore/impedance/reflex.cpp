@@ -19,7 +19,6 @@
 namespace ulna {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kQuantile = 1.959963984540054;  // 95 %
 constexpr double kLeastOmega = 1.0;              // rad/s
 constexpr double kZetaLow = 0.1, kZetaHigh = 5.0;
@@ -887,6 +886,7 @@ ReflexEstimate identify_reflex(const Record& record, const ReflexOptions& option
   ReflexEstimate out;
   out.options = options;
   out.report = prepared.report;
+  out.consistency = derivative_consistency(prepared);
   out.axis = record.channels()[static_cast<std::size_t>(roles.position[0])].name;
   out.rotational = record.channels()[static_cast<std::size_t>(roles.position[0])].unit == "rad";
   out.train_s = split.train_s;

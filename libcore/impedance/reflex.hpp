@@ -17,6 +17,7 @@
 
 #include "base/token.hpp"
 #include "base/types.hpp"
+#include "ident/consistency.hpp"
 #include "ident/prepare.hpp"
 #include "impedance/split.hpp"
 #include "record/record.hpp"
@@ -109,6 +110,7 @@ struct ReflexEstimate {
   Vector profile_vaf;            // training VAF at each, all else refitted
   ReflexImpulse impulse;
   PrepareReport report;
+  DerivativeConsistency consistency;
   ReflexOptions options;
   Index train_rows = 0, held_out_rows = 0;
   double train_s = 0.0;

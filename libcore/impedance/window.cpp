@@ -3,7 +3,6 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "base/error.hpp"
 #include "base/words.hpp"
@@ -12,10 +11,8 @@
 namespace ulna {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kPeriods = 5.0;  // of the low pass within the window
 constexpr double kSmeared = 3.0;  // fewer: what follows shows in the window
-constexpr double kIllCondition = 200.0;
 constexpr Index kLeastOnsets = 3;
 
 // Columns of a piece: instruments, regressors, force. Each signal stands once for the early rows
@@ -239,6 +236,7 @@ WindowComparison compare_windows(const Record& record, const WindowOptions& opti
   WindowComparison out;
   out.n = n;
   out.report = prepared.report;
+  out.consistency = derivative_consistency(prepared);
   for (const Index c : roles.position) {
     out.axes.push_back(record.channels()[static_cast<std::size_t>(c)].name);
   }

@@ -14,6 +14,7 @@
 
 #include "base/token.hpp"
 #include "base/types.hpp"
+#include "ident/consistency.hpp"
 #include "ident/linear.hpp"
 #include "impedance/estimate.hpp"
 #include "impedance/onsets.hpp"
@@ -64,6 +65,7 @@ struct WindowComparison {
   std::vector<double> onset_time_s;
   std::uint32_t outcome = kWindowGood;
   PrepareReport report;
+  DerivativeConsistency consistency;
   std::vector<std::string> warnings, notes, provenance;
 };
 
