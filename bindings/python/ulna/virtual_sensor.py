@@ -303,7 +303,7 @@ def feasible(parameters: ArrayLike, *, robot: PlanarRobot | None = None) -> tupl
     >>> from ulna.virtual_sensor import feasible
     >>> inertia, friction = feasible([0.06929, 0.04217, 0.04416, 0.06510, 0.07389])
     >>> round(inertia, 4), round(friction, 4)
-    (0.0321, 0.0651)
+    (0.0322, 0.0651)
     """
     body = robot if robot is not None else PlanarRobot()
     inertia, friction = ffi.new("double *"), ffi.new("double *")
