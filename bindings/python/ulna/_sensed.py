@@ -63,6 +63,7 @@ def filters(
 
 
 def lines(words_: str) -> tuple[str, ...]:
+    """Text of several lines as a tuple; empty for no text."""
     return tuple(words_.split("\n")) if words_ else ()
 
 
