@@ -9,6 +9,7 @@
 #include "ident/excitation_record.hpp"
 #include "record/look.hpp"
 #include "signal/binary_sequence.hpp"
+#include "signal/finite.hpp"
 #include "signal/multisine.hpp"
 #include "signal/steps.hpp"
 
@@ -309,6 +310,7 @@ ulna_status ulna_step_response(const ulna_view* time, double damping_ratio, doub
                                double* out, int64_t capacity, int64_t* out_count) {
   return guarded([&] {
     const Vector t = column_of(time, "time");
+    require_finite(t, "time");
     const SecondOrder filter{damping_ratio, natural_rad_s};
     check_second_order(filter);
     Matrix table(t.size(), 3);

@@ -20,11 +20,13 @@
 #include "impedance/safety.hpp"
 #include "impedance/window.hpp"
 #include "passivity/verdict.hpp"
+#include "plant/exo_plant.hpp"
 #include "plant/planar_robot.hpp"
 #include "record/csv.hpp"
 #include "signal/excitation.hpp"
 #include "signal/system.hpp"
 #include "study/indices.hpp"
+#include "study/journal.hpp"
 #include "study/sampling.hpp"
 
 struct ulna_token {
@@ -90,6 +92,10 @@ struct ulna_sampling {
   std::shared_ptr<const ulna::Sampling> sampling;
 };
 
+struct ulna_journal {
+  std::unique_ptr<ulna::Journal> journal;
+};
+
 struct ulna_indices {
   ulna::Indices indices;
   bool independent_steps = false;  // of the design
@@ -117,6 +123,14 @@ struct ulna_windows {
 
 struct ulna_system {
   ulna::System system;
+};
+
+struct ulna_plant {
+  ulna::ExoPlant plant;
+};
+
+struct ulna_run {
+  ulna::EngineRun run;
 };
 
 namespace ulna::capi {

@@ -1,7 +1,6 @@
 #include <ulna/impedance.h>
 
 #include <algorithm>
-#include <limits>
 #include <memory>
 
 #include "guard.hpp"
@@ -13,8 +12,6 @@ using namespace ulna;
 using namespace ulna::capi;
 
 namespace {
-
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 template <class Enum>
 Enum choice(int32_t value, int32_t last, const char* argument) {

@@ -60,15 +60,15 @@ ZeroPhase zero_phase_of(const ulna_zero_phase_options* options) {
   return result;
 }
 
-struct Plan {
+struct SpectrumPlan {
   Index segment;
   std::vector<RowRange> ranges;
   double confidence;
 };
 
-Plan plan_of(const ulna_spectrum_options* options, Index rows) {
+SpectrumPlan plan_of(const ulna_spectrum_options* options, Index rows) {
   const ulna_spectrum_options o = read_options(options, "options");
-  Plan plan{o.segment == 0 ? std::min(kDefaultSegment, rows) : o.segment, {}, 0.95};
+  SpectrumPlan plan{o.segment == 0 ? std::min(kDefaultSegment, rows) : o.segment, {}, 0.95};
   if (o.confidence != 0.0) plan.confidence = o.confidence;
   require(plan.segment <= rows || o.segment == 0, "segment",
           "the segment has " + std::to_string(plan.segment) + " samples and the signals " +
@@ -249,7 +249,7 @@ ulna_status ulna_spectrum_plan(int64_t rows, const ulna_spectrum_options* option
                                ulna_spectrum_info* out_info) {
   return guarded([&] {
     require(rows >= 0, "rows", "rows must not be negative");
-    const Plan plan = plan_of(options, rows);
+    const SpectrumPlan plan = plan_of(options, rows);
     const Averaging averaging = welch_averaging(rows, plan.segment, plan.ranges);
     ulna_spectrum_info info = {};
     info.bins = plan.segment / 2 + 1;
@@ -264,7 +264,7 @@ ulna_status ulna_spectrum_estimate(const ulna_view* signals, double rate_hz,
                                    double* out, int64_t capacity, int64_t* out_count) {
   return guarded([&] {
     const StridedMap map = map_view(signals, "signals");
-    const Plan plan = plan_of(options, map.rows());
+    const SpectrumPlan plan = plan_of(options, map.rows());
     const int64_t columns = 1 + 2 * map.cols() * map.cols();
     if (only_count((plan.segment / 2 + 1) * columns, out, capacity, out_count)) return;
     const Spectra spectra = welch(map, rate_hz, plan.segment, plan.ranges, token_of(token));
@@ -278,7 +278,7 @@ ulna_status ulna_coherence_estimate(const ulna_view* inputs, const ulna_view* ou
                                     int64_t* out_count) {
   return guarded([&] {
     const Ports p = ports_of(inputs, outputs);
-    const Plan plan = plan_of(options, p.signals.rows());
+    const SpectrumPlan plan = plan_of(options, p.signals.rows());
     const int64_t columns = 1 + 2 * static_cast<int64_t>(p.outputs.size());
     if (only_count((plan.segment / 2 + 1) * columns, out, capacity, out_count)) return;
     const Spectra spectra = welch(p.signals, rate_hz, plan.segment, plan.ranges, token_of(token));
@@ -293,7 +293,7 @@ ulna_status ulna_response_estimate(const ulna_view* inputs, const ulna_view* out
                                    int64_t* out_count) {
   return guarded([&] {
     const Ports p = ports_of(inputs, outputs);
-    const Plan plan = plan_of(options, p.signals.rows());
+    const SpectrumPlan plan = plan_of(options, p.signals.rows());
     const int64_t columns = 1 + 3 * static_cast<int64_t>(p.inputs.size() * p.outputs.size());
     if (only_count((plan.segment / 2 + 1) * columns, out, capacity, out_count)) return;
     const Spectra spectra = welch(p.signals, rate_hz, plan.segment, plan.ranges, token_of(token));

@@ -6,6 +6,7 @@
 
 #include "guard.hpp"
 #include "handles.hpp"
+#include "study.hpp"
 #include "study/distribution.hpp"
 
 using namespace ulna;
@@ -103,9 +104,10 @@ IndexSpec index_spec(const ulna_indices_options* given) {
       one_of(o.on_failure,
              {OnFailure::kError, OnFailure::kDropBlock, OnFailure::kNearest, OnFailure::kSurface},
              "on_failure");
-  out.interval.kind = one_of(
-      o.interval, {Interval::kPercentile, Interval::kBca, Interval::kReplicates, Interval::kNone},
-      "interval");
+  out.interval.kind = one_of(o.interval,
+                             {IntervalKind::kPercentile, IntervalKind::kBca,
+                              IntervalKind::kReplicates, IntervalKind::kNone},
+                             "interval");
   if (o.level != 0.0) out.interval.level = o.level;
   if (o.resamples != 0) out.interval.resamples = o.resamples;
   out.interval.seed = static_cast<std::uint64_t>(o.seed);
@@ -128,20 +130,6 @@ std::unique_ptr<ulna_indices> analysed(Analysis analysis, const ulna_sampling* s
   return std::make_unique<ulna_indices>(
       ulna_indices{analysis(design, outputs, codes, index_spec(options), token_of(token)),
                    design.independent_steps()});
-}
-
-// Answers a question for the count, or refuses a buffer that is too small, before any work is done.
-bool only_count(int64_t count, const void* out, int64_t capacity, int64_t* out_count) {
-  deref(out_count, "out_count");
-  if (out != nullptr && capacity >= count) return false;
-  if (out == nullptr && capacity == 0) {
-    *out_count = count;
-    return true;
-  }
-  deref(static_cast<const char*>(out), "out");
-  throw Error(Fault::kBuffer, "capacity",
-              "the buffer holds " + std::to_string(capacity) + " values, " + std::to_string(count) +
-                  " are needed");
 }
 
 const Estimates& estimates_of(const Indices& i, int32_t which) {
@@ -193,7 +181,7 @@ ulna_status ulna_sampling_given(const ulna_sampling_options* options, const ulna
     auto handle = std::make_unique<ulna_sampling>(ulna_sampling{
         points == nullptr
             ? std::make_shared<const Sampling>(Sampling::layout(spec))
-            : std::make_shared<const Sampling>(spec, Rows(map_view(points, "points")))});
+            : std::make_shared<const Sampling>(spec, PointRows(map_view(points, "points")))});
     out = handle.release();
   });
 }
@@ -222,8 +210,8 @@ ulna_status ulna_sampling_get_rows(const ulna_sampling* sampling, int64_t first,
     require(first >= 0 && count >= 0 && first <= design.rows() && count <= design.rows() - first,
             "count", "rows must be from 0 to " + std::to_string(design.rows() - 1));
     const Index size = count * design.spec().factors;
-    if (only_count(size, out, capacity, out_count)) return;
-    design.fill(first, Eigen::Map<Rows>(out, count, design.spec().factors));
+    if (study_count_only(size, out, capacity, out_count)) return;
+    design.fill(first, Eigen::Map<PointRows>(out, count, design.spec().factors));
     *out_count = size;
   });
 }
@@ -236,7 +224,7 @@ ulna_status ulna_sampling_get_moves(const ulna_sampling* sampling, int64_t block
             "block must be from 0 to " + std::to_string(design.blocks() - 1));
     const std::vector<Index> moves = moved_groups(design, block);
     const auto size = static_cast<int64_t>(moves.size());
-    if (only_count(size, out, capacity, out_count)) return;
+    if (study_count_only(size, out, capacity, out_count)) return;
     std::copy(moves.begin(), moves.end(), out);
     *out_count = size;
   });

@@ -6,7 +6,6 @@
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "base/error.hpp"
 #include "base/pool.hpp"
@@ -17,7 +16,6 @@ namespace {
 
 // Rows worked on at a time: a block of the usual 16 columns stays in the first-level caches.
 constexpr Index kBlock = 256;
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 

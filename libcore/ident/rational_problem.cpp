@@ -199,8 +199,8 @@ RationalProblem::RationalProblem(MatrixRef inputs, VectorRef output, double rate
   }
   // At rest the input before the run is known: zero.
   const double unknown = setup.rest ? 0.0 : longest;
-  const Index skip =
-      static_cast<Index>(std::ceil(std::max(unknown, setup.least_skip_s) * rate_hz - 1e-9));
+  const double left_out = std::ceil(std::max(unknown, setup.least_skip_s) * rate_hz - 1e-9);
+  const Index skip = static_cast<Index>(std::min(left_out, static_cast<double>(output.size())));
 
   const std::vector<RowRange> used =
       ranges.empty() ? std::vector<RowRange>{{0, output.size()}} : ranges;

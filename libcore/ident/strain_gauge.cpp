@@ -4,7 +4,6 @@
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "base/error.hpp"
 #include "base/words.hpp"
@@ -14,8 +13,6 @@
 namespace ulna {
 
 namespace {
-
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 // Two-sided p value of Student's t, from the quantile.
 double student_p(double t, double dof) {

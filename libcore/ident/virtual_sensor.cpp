@@ -18,7 +18,6 @@ namespace {
 using Vector8 = Eigen::Matrix<double, 8, 1>;  // angle, rate, acceleration (joint or handle), torque
 using Sensitivity = Eigen::Matrix<double, 2, 8>;
 
-
 struct Channels {
   std::vector<Index> angle, torque, acceleration, reference, measured;
   bool reference_is_angle = true;

@@ -129,12 +129,8 @@ double delayed_value(const Matrix& value_and_rate, double step_s, double row_min
   Index k = static_cast<Index>(row_minus_delay);
   if (k >= rows - 1) k = rows - 2;
   const double f = row_minus_delay - static_cast<double>(k);
-  const double p0 = value_and_rate(k, 0);
-  const double p1 = value_and_rate(k + 1, 0);
-  const double m0 = step_s * value_and_rate(k, 1);
-  const double m1 = step_s * value_and_rate(k + 1, 1);
-  const double d = p1 - p0;
-  return p0 + f * (m0 + f * (3.0 * d - 2.0 * m0 - m1 + f * (m0 + m1 - 2.0 * d)));
+  return hermite(value_and_rate(k, 0), step_s * value_and_rate(k, 1), value_and_rate(k + 1, 0),
+                 step_s * value_and_rate(k + 1, 1), f);
 }
 
 }  // namespace ulna

@@ -22,6 +22,12 @@ Matrix element_response(const CausalElement& element, VectorRef input, double st
 // unknown past leaves behind.
 Matrix element_free(const CausalElement& element, Index rows, double step_s, int state);
 
+// The cubic between two values with slopes m0 and m1 (per step), at the share f of the step.
+inline double hermite(double p0, double m0, double p1, double m1, double f) {
+  const double d = p1 - p0;
+  return p0 + f * (m0 + f * (3.0 * d - 2.0 * m0 - m1 + f * (m0 + m1 - 2.0 * d)));
+}
+
 // Value of a signal `delay` samples before row `row`, from values and derivatives by the cubic that
 // matches both; 0 before the first row (rest).
 double delayed_value(const Matrix& value_and_rate, double step_s, double row_minus_delay);

@@ -156,9 +156,8 @@ class Feedback {
   double past(const Values& values, const Rates& rates, Index at, double delay) const {
     const double place = static_cast<double>(at) - delay / step_s_;
     const Index k = std::clamp<Index>(static_cast<Index>(place), 0, values.size() - 2);
-    Matrix pair(2, 2);
-    pair << values[k], rates[k], values[k + 1], rates[k + 1];
-    return delayed_value(pair, step_s_, place - static_cast<double>(k));
+    return hermite(values[k], step_s_ * rates[k], values[k + 1], step_s_ * rates[k + 1],
+                   place - static_cast<double>(k));
   }
 
   const Prepared* prepared_;

@@ -3,7 +3,6 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/SVD>
 #include <cmath>
-#include <limits>
 #include <vector>
 
 #include "base/error.hpp"
@@ -13,8 +12,6 @@
 namespace ulna {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 // Eigenvalues closer than this share of the larger are equal to rounding.
 constexpr double kIsotropic = 1e-9;
 

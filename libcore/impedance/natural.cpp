@@ -1,14 +1,9 @@
 #include "impedance/natural.hpp"
 
 #include <Eigen/LU>
-#include <limits>
 
 namespace ulna {
-namespace {
-
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-
-}  // namespace
+namespace {}  // namespace
 
 Vector natural_of(const Matrix& theta, const Vector& position_mean) {
   const Index n = theta.cols();

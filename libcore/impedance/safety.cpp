@@ -3,15 +3,12 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "base/error.hpp"
 #include "base/words.hpp"
 
 namespace ulna {
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 void check(const SafetyOptions& options) {
   const auto limit = [](double value, const char* argument) {

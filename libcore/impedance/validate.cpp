@@ -1,7 +1,5 @@
 #include "impedance/validate.hpp"
 
-#include <limits>
-
 #include "base/pool.hpp"
 #include "base/random.hpp"
 #include "impedance/split.hpp"
@@ -10,7 +8,6 @@
 namespace ulna {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr std::uint64_t kVafStream = 1u << 21;
 
 }  // namespace

@@ -10,7 +10,6 @@
 namespace ulna {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 // Points of one block that its path is remembered by: E and D are smooth between them.
 constexpr Index kPointsPerBlock = 32;
 constexpr Index kLeastBlocks = 5;  // fewer say nothing about scatter

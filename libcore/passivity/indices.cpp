@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "base/error.hpp"
 #include "base/words.hpp"
@@ -10,9 +9,6 @@
 
 namespace ulna {
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 std::string at_frequency(double omega) {
   if (std::isinf(omega)) return "at infinite frequency";

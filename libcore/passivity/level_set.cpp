@@ -2,13 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 
 namespace ulna {
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // 0 to infinity on 0 to 1 around a frequency of one's own.
 double to_unit(double omega, double center) {

@@ -3,7 +3,6 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "base/error.hpp"
 #include "impedance/ellipse.hpp"
@@ -11,9 +10,7 @@
 namespace ulna {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-double smallest_eigenvalue(const Matrix& matrix) {
+double smallest_symmetric_eigenvalue(const Matrix& matrix) {
   const Matrix symmetric = 0.5 * (matrix + matrix.transpose());
   return Eigen::SelfAdjointEigenSolver<Matrix>(symmetric, Eigen::EigenvaluesOnly).eigenvalues()[0];
 }
@@ -38,9 +35,9 @@ ModelMargins model_passivity(const Matrix& m, const Matrix& b, const Matrix& k,
   require(antisymmetry_threshold >= 0.0, "antisymmetry_threshold",
           "the antisymmetry threshold must not be negative");
   ModelMargins out;
-  out.m_min = smallest_eigenvalue(m);
-  out.b_min = smallest_eigenvalue(b);
-  out.k_min = smallest_eigenvalue(k);
+  out.m_min = smallest_symmetric_eigenvalue(m);
+  out.b_min = smallest_symmetric_eigenvalue(b);
+  out.k_min = smallest_symmetric_eigenvalue(k);
   out.antisymmetry_m = antisymmetry_of(m);
   out.antisymmetry_k = antisymmetry_of(k);
   out.m_symmetric = out.antisymmetry_m <= antisymmetry_threshold;

@@ -15,7 +15,6 @@ namespace {
 
 using Eigen::MatrixXcd;
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // What is below this share of the response is zero as far as double arithmetic can tell: rounding
 // of a few dozen operations, and the 5e-16 of the expansions.
 constexpr double kRounding = 1e-13;
@@ -41,7 +40,7 @@ double largest_gain(const MatrixXcd& s) {
                .maxCoeff()));
 }
 
-std::string at_frequency(double omega) {
+std::string at_place(double omega) {
   if (std::isinf(omega)) return "at infinity";
   return sentence(6, "at ", omega, " rad/s");
 }
@@ -112,7 +111,7 @@ PortFunction::PortFunction(const System& system, PortView view, const Vector& di
       h = along(h, direction);
       model.b = model.b * direction;
       model.c = direction.transpose() * model.c;
-      model.d = direction.transpose() * model.d * direction;
+      model.d = Matrix::Constant(1, 1, direction.dot(model.d * direction));
     }
     const MatrixXcd u = direction.cast<Complex>();
     const MatrixFunction at = [&system, early, u](Complex s) -> MatrixXcd {
@@ -256,7 +255,7 @@ bool PortFunction::falls_towards(const Expansion& e, double omega) const {
 
 bool PortFunction::judge(const Expansion& expansion, const Cluster& c, double tolerance) {
   const double omega = expansion.at_infinity() ? kInfinity : std::abs(c.center.imag());
-  const std::string where = at_frequency(omega);
+  const std::string where = at_place(omega);
   const int order = expansion.order(kCancelled);
   if (c.right) {
     if (order == 0) {
@@ -335,6 +334,7 @@ MatrixXcd PortFunction::response(double omega) const {
 
 double PortFunction::value(double omega) const {
   const MatrixXcd h = response(omega);
+  if (!h.allFinite()) return std::numeric_limits<double>::quiet_NaN();  // at a pole
   return view_ == PortView::kScattering ? -largest_gain(h) : smallest_eigenvalue(hermitian_part(h));
 }
 

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <memory>
 
 #include "base/error.hpp"
@@ -13,7 +12,6 @@
 namespace ulna {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kRounding = 1e-13;
 
 // A polynomial in x = (omega / scale)^2 with what its coefficients would be if nothing cancelled:

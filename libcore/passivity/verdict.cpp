@@ -3,7 +3,6 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "base/words.hpp"
 #include "impedance/natural.hpp"
@@ -11,8 +10,6 @@
 
 namespace ulna {
 namespace {
-
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 template <class... Parts>
 std::string say(const Parts&... parts) {

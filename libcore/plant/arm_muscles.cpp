@@ -81,14 +81,11 @@ struct Fitted {
 
 // What fit_muscles() finds from the published forces, flexor ranges of 0.9 ... 1.05 and the
 // arm's default scales, to four digits; the tests repeat it.
-constexpr Fitted kFitted[] = {{"triceps_long", 1141.32, {0.6500, 0.8315}},
-                              {"triceps_medial", 892.30, {0.6594, 0.8021}},
-                              {"triceps_lateral", 892.30, {0.6500, 0.9824}},
-                              {"anconeus", 500.24, {0.6500, 0.9549}},
-                              {"biceps_short", 446.14, {0.9751, 1.0751}},
-                              {"biceps_long", 311.28, {0.9742, 1.0742}},
-                              {"brachialis", 705.48, {0.9737, 1.0737}},
-                              {"brachioradialis", 186.69, {0.9730, 1.0730}}};
+constexpr Fitted kFitted[] = {
+    {"triceps_long", 1141.32, {0.6500, 0.8315}},   {"triceps_medial", 892.30, {0.6594, 0.8021}},
+    {"triceps_lateral", 892.30, {0.6500, 0.9824}}, {"anconeus", 500.24, {0.6500, 0.9549}},
+    {"biceps_short", 446.14, {0.9751, 1.0751}},    {"biceps_long", 311.28, {0.9742, 1.0742}},
+    {"brachialis", 705.48, {0.9737, 1.0737}},      {"brachioradialis", 186.69, {0.9730, 1.0730}}};
 
 }  // namespace
 

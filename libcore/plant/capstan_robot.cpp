@@ -9,8 +9,6 @@
 namespace ulna {
 namespace {
 
-constexpr double kDegree = kPi / 180.0;
-
 // (A.2)
 constexpr std::array<double, 2> kLowest = {-55.0, 0.0};
 constexpr std::array<double, 2> kHighest = {90.0, 145.0};

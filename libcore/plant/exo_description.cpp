@@ -9,8 +9,6 @@
 namespace ulna {
 namespace {
 
-constexpr double kDegree = kPi / 180.0;
-
 Matrix3 about_x(double angle) {
   // The published turns are quarter turns: exact, so that no joint is off its axis by rounding.
   const double s = angle > 0.0 ? 1.0 : -1.0;

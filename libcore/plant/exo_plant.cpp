@@ -91,7 +91,8 @@ std::vector<Change> length_ranges(const EngineModel& model, const ExoScene& scen
     const Extremes& seen = of_shoulder ? shoulder : elbow;
     require(seen.longest(i) - seen.shortest(i) > 1e-6, "muscle",
             "muscle '" + muscle.name + "' does not change its length when its joints move");
-    changes.push_back({Quantity::kLengthRange, muscle.name, {seen.shortest(i), seen.longest(i)}});
+    changes.push_back(
+        {ModelQuantity::kLengthRange, muscle.name, {seen.shortest(i), seen.longest(i)}});
   }
   return changes;
 }

@@ -27,8 +27,8 @@ class ExoPlant {
   const EngineModel& model() const noexcept { return model_; }
   const std::string& text() const noexcept { return text_; }  // MJCF; "" for a file
 
-  // The plant with other numbers (see Quantity). Its nominal model is dropped, because it was made
-  // from the description: change the description to have both.
+  // The plant with other numbers (see ModelQuantity). Its nominal model is dropped, because it was
+  // made from the description: change the description to have both.
   ExoPlant changed(const std::vector<Change>& changes) const;
 
   // What it was made from; throws Error (kUnsupported) like nominal().

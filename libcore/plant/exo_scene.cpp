@@ -12,8 +12,6 @@
 namespace ulna {
 namespace {
 
-constexpr double kDegree = kPi / 180.0;
-
 // What the engine knows of a joint beside its place.
 struct JointDetail {
   JointRange range;

@@ -45,7 +45,7 @@ MuscleTable muscle_table(const EngineModel& model, const std::string& joint,
   std::vector<Index> columns;
   for (const std::string& name : muscles) {
     const Index i = model.at(Part::kActuator, name);
-    model.values(Quantity::kMuscle, name);
+    model.values(ModelQuantity::kMuscle, name);
     columns.push_back(i);
   }
   const auto count = static_cast<Index>(columns.size());

@@ -204,6 +204,15 @@ double optimise(Problem& problem, std::vector<double>& x, int evaluations) {
 
 }  // namespace
 
+MuscleTable elbow_table(const ExoScene& scene, Token* token) {
+  require(scene.coupling == Coupling::kArmOnly, "scene", "the scene must be of the arm alone");
+  const ExoPlant plant(scene);
+  std::vector<std::string> names;
+  for (const Muscle& muscle : scene.arm.muscles) names.push_back(muscle.name);
+  const Vector angle = Vector::LinSpaced(126, 0.0, 125.0 * kPi / 180.0);
+  return muscle_table(plant.model(), "elbow_flexion", names, angle, Vector(), token);
+}
+
 TorqueCurves torque_curves(const MuscleTable& table, const std::vector<Muscle>& muscles) {
   check_table(table, muscles);
   return curves_of(table, muscles);

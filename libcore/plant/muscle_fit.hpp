@@ -41,6 +41,10 @@ struct MuscleFit {
   int evaluations = 0;
 };
 
+// The table of an arm's elbow muscles over 0 to 125 degrees in steps of one, the shoulder in its
+// reference: what the published test and the fit use. The scene must be of the arm alone.
+MuscleTable elbow_table(const ExoScene& scene, Token* token = nullptr);
+
 // The curves of muscles with lengths and moments of a table, whose lengths are normalised by their
 // extremes over the table (the plant's rule, where the table spans the elbow's range).
 TorqueCurves torque_curves(const MuscleTable& table, const std::vector<Muscle>& muscles);

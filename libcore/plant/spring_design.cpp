@@ -4,7 +4,6 @@
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <string>
 
 #include "base/error.hpp"
@@ -17,7 +16,6 @@ namespace ulna {
 namespace {
 
 constexpr int kPlaces = 8;
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 // Arrangements that are tried one by one: about a second.
 constexpr std::int64_t kTryAll = 400'000;
 constexpr int kStarts = 16;

@@ -201,7 +201,7 @@ class CsvReader {
 
   void read_rows() {
     lines_.use_end(layout_.end_of_line);
-    Line line;
+    FileLine line;
     Index number = 0;
     std::uint64_t stepped = 0;
     std::string scratch;

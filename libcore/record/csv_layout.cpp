@@ -126,7 +126,7 @@ Dialect find_dialect(const std::vector<TextLine>& lines, const CsvOptions& optio
   return best;
 }
 
-std::string quoted(std::string_view text) {
+std::string in_quotes(std::string_view text) {
   std::string out = "\"";
   for (const char c : text.substr(0, 40)) {
     const auto u = static_cast<unsigned char>(c);
@@ -141,12 +141,12 @@ void refuse_foreign_delimiter(std::string_view header, char delimiter) {
   const char signs[] = {'\t', ';', ',', '|'};
   for (std::size_t i = 0; i < 4; ++i) {
     if (signs[i] == delimiter || header.find(signs[i]) == std::string_view::npos) continue;
-    refuse("only one column was found, but the heading " + quoted(header) + " holds " + names[i] +
-           ": set the delimiter to it");
+    refuse("only one column was found, but the heading " + in_quotes(header) + " holds " +
+           names[i] + ": set the delimiter to it");
   }
   for (const char sign : {':', '/', '&', '!', '~', '^', '*', ' '}) {
     if (header.find(sign) == std::string_view::npos) continue;
-    refuse("only one column of text was found in " + quoted(header) +
+    refuse("only one column of text was found in " + in_quotes(header) +
            ": separate columns by a comma, semicolon, tab, vertical bar or blanks");
   }
 }
@@ -195,14 +195,14 @@ void name_columns(Layout& layout, const std::vector<std::string>* names, std::si
     const auto [at, fresh] = seen.insert({layout.columns[i].heading, i});
     if (fresh) continue;
     refuse("columns " + std::to_string(at->second + 1) + " and " + std::to_string(i + 1) +
-               " are both named " + quoted(layout.columns[i].heading) + ": rename one",
+               " are both named " + in_quotes(layout.columns[i].heading) + ": rename one",
            "column " + layout.columns[i].heading);
   }
 }
 
 void refuse_no_data(bool any_text, const std::string_view first) {
   if (!any_text) refuse("the file holds no table: it is empty but for blanks and comments");
-  refuse("the file has a heading (" + quoted(first) + ") but no rows of data");
+  refuse("the file has a heading (" + in_quotes(first) + ") but no rows of data");
 }
 
 }  // namespace
@@ -355,7 +355,7 @@ Layout find_layout(std::string_view head, bool all, const CsvOptions& options) {
     if (rows.size() > 1 && !is_units_row(rows[1])) {
       const std::size_t last = rows.size() - 1;
       refuse("no row of numbers was found: line " + std::to_string(lines[last].number + 1) +
-                 " is " + quoted(lines[last].text) + "; check delimiter and decimal sign",
+                 " is " + in_quotes(lines[last].text) + "; check delimiter and decimal sign",
              "line " + std::to_string(lines[last].number + 1));
     }
     refuse_no_data(true, lines[0].text);
@@ -405,7 +405,7 @@ Layout find_layout(std::string_view head, bool all, const CsvOptions& options) {
     while (count > width && (*names)[count - 1].empty()) --count;
     if (count != width) {
       if (count == 1 && lines[heading].text.find_first_of(",;\t|") != std::string_view::npos) {
-        refuse("the heading " + quoted(lines[heading].text) +
+        refuse("the heading " + in_quotes(lines[heading].text) +
                    " is separated by another sign than the rows below it: use one delimiter "
                    "throughout",
                where);
@@ -423,7 +423,7 @@ Layout find_layout(std::string_view head, bool all, const CsvOptions& options) {
       std::size_t at = 0;
       while (numeric((*names)[at], layout.decimal)) ++at;
       refuse("column " + std::to_string(at + 1) + " of " + where + " holds the text " +
-                 quoted((*names)[at]) + " where a number is expected",
+                 in_quotes((*names)[at]) + " where a number is expected",
              where);
     }
   }

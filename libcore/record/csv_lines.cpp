@@ -65,7 +65,7 @@ bool LineReader::refill() {
   return got > 0;
 }
 
-bool LineReader::next(Line& line) {
+bool LineReader::next(FileLine& line) {
   std::size_t searched = 0;
   while (true) {
     const std::size_t left = static_cast<std::size_t>(end_ - at_);

@@ -10,7 +10,7 @@
 
 namespace ulna {
 
-struct Line {
+struct FileLine {
   std::string_view text;    // without its end; valid until the next call
   bool terminated = false;  // false only for a last line without an end of line
 };
@@ -27,7 +27,7 @@ class LineReader {
   bool head_is_all() const noexcept { return file_ == nullptr || at_end_; }
 
   void use_end(char end) noexcept { end_of_line_ = end; }
-  bool next(Line& line);
+  bool next(FileLine& line);
 
   std::uint64_t consumed() const noexcept {
     return before_ + static_cast<std::uint64_t>(at_ - start_);

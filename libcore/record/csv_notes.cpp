@@ -50,9 +50,9 @@ std::string unescaped(std::string_view text) {
 }
 
 // Takes blank-separated words off the front of a line.
-class Words {
+class NoteWords {
  public:
-  explicit Words(const std::string& line) : line_(line), rest_(line) {}
+  explicit NoteWords(const std::string& line) : line_(line), rest_(line) {}
 
   std::string_view word() {
     const std::size_t stop = std::min(rest_.find(' '), rest_.size());
@@ -86,7 +86,7 @@ Notes parse_notes(const std::vector<std::string>& lines) {
   Notes notes;
   notes.present = !lines.empty();
   for (const std::string& line : lines) {
-    Words words(line);
+    NoteWords words(line);
     const std::string_view kind = words.word();
     if (kind == "rate_hz") {
       notes.rate_hz = words.number<double>();

@@ -44,9 +44,9 @@ std::string heading(const Channel& channel) {
 
 // A neighbour of the file that takes its place when it is whole: a full disk or a cancelled call
 // leaves what was there before. Devices and pipes are written directly.
-class Draft {
+class WholeFile {
  public:
-  explicit Draft(const std::string& path) : path_(path), written_(path) {
+  explicit WholeFile(const std::string& path) : path_(path), written_(path) {
     std::error_code ignored;
     const std::filesystem::file_status status = std::filesystem::status(path, ignored);
     if (!std::filesystem::exists(status)) {
@@ -60,9 +60,9 @@ class Draft {
     file_.reset(std::fopen(written_.c_str(), "wb"));
     if (file_ == nullptr) refuse(path, errno);
   }
-  Draft(const Draft&) = delete;
-  Draft& operator=(const Draft&) = delete;
-  ~Draft() {
+  WholeFile(const WholeFile&) = delete;
+  WholeFile& operator=(const WholeFile&) = delete;
+  ~WholeFile() {
     if (file_ == nullptr) return;
     file_.reset();
     if (written_ != path_) std::remove(written_.c_str());
@@ -91,7 +91,7 @@ class Draft {
 }  // namespace
 
 void write_csv(const Record& record, const std::string& path, Token* token) {
-  Draft file(path);
+  WholeFile file(path);
   std::string out = format_notes(record) + "time [s]";
   for (const Channel& channel : record.channels()) out.append(",").append(heading(channel));
   out += "\n";

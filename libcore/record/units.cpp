@@ -14,8 +14,6 @@ struct Entry {
   double factor;
 };
 
-constexpr double kDegree = kPi / 180.0;
-
 // Spelled after normalisation (see normalised()): no blanks, "." for products, "2" for squares.
 constexpr Entry kUnits[] = {
     {"m", "m", 1.0},

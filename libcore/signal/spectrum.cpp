@@ -3,7 +3,6 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <string>
 #include <unsupported/Eigen/FFT>
 
@@ -16,8 +15,6 @@ namespace {
 using Complex = std::complex<double>;
 using Eigen::MatrixXcd;
 using Eigen::VectorXcd;
-
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 // Periodic, as scipy.signal.get_window('hann') gives it for spectra.
 Vector hann(Index size) {

@@ -2,32 +2,31 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <vector>
 
 #include "base/error.hpp"
 #include "base/pool.hpp"
 #include "base/words.hpp"
 #include "study/distribution.hpp"
+#include "study/stratified.hpp"
 #include "study/streams.hpp"
 
 namespace ulna {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr Index kChunk = 1024;  // blocks whose features are made at once
-constexpr Index kAtOnce = 64;   // resamples of one matrix product
+constexpr Index kBlockChunk = 1024;     // blocks whose features are made at once
+constexpr Index kResamplesAtOnce = 64;  // resamples of one matrix product
 constexpr Index kMaxBlocks = Index{1} << 31;
 
-Index chunks_of(Index blocks) { return (blocks + kChunk - 1) / kChunk; }
+Index block_chunks(Index blocks) { return (blocks + kBlockChunk - 1) / kBlockChunk; }
 
 // Sums over fixed chunks in their order: the same bits whatever the threads.
-Vector means(const BlockFeatures& blocks, Index first, Index count, Token* token) {
+Vector block_means(const BlockFeatures& blocks, Index first, Index count, Token* token) {
   Vector sum = Vector::Zero(blocks.features);
   Matrix chunk;
-  for (Index at = 0; at < count; at += kChunk) {
+  for (Index at = 0; at < count; at += kBlockChunk) {
     step(token, 0.0);
-    chunk.resize(std::min(kChunk, count - at), blocks.features);
+    chunk.resize(std::min(kBlockChunk, count - at), blocks.features);
     blocks.fill(first + at, chunk);
     sum += chunk.colwise().sum().transpose();
   }
@@ -35,15 +34,15 @@ Vector means(const BlockFeatures& blocks, Index first, Index count, Token* token
 }
 
 // Statistics of every resample, resamples x statistics.
-Matrix bootstrap(const BlockFeatures& blocks, const IntervalSpec& spec, Token* token) {
+Matrix bootstrap_statistics(const BlockFeatures& blocks, const IntervalSpec& spec, Token* token) {
   const Index n = blocks.blocks;
   Matrix out(spec.resamples, blocks.statistics);
-  const Index tasks = (spec.resamples + kAtOnce - 1) / kAtOnce;
+  const Index tasks = (spec.resamples + kResamplesAtOnce - 1) / kResamplesAtOnce;
   parallel_for(
       tasks, spec.threads,
       [&](std::ptrdiff_t task) {
-        const Index first = task * kAtOnce;
-        const Index count = std::min(kAtOnce, spec.resamples - first);
+        const Index first = task * kResamplesAtOnce;
+        const Index count = std::min(kResamplesAtOnce, spec.resamples - first);
         const auto share = [&](double part) {
           return (static_cast<double>(task) + part) / static_cast<double>(tasks);
         };
@@ -61,13 +60,13 @@ Matrix bootstrap(const BlockFeatures& blocks, const IntervalSpec& spec, Token* t
         Matrix sums = Matrix::Zero(blocks.features, count);
         Matrix weights;
         Matrix chunk;
-        for (Index c = 0; c < chunks_of(n); ++c) {
+        for (Index c = 0; c < block_chunks(n); ++c) {
           if (c % 16 == 0) {
             step(token,
-                 share(0.3 + 0.7 * static_cast<double>(c) / static_cast<double>(chunks_of(n))));
+                 share(0.3 + 0.7 * static_cast<double>(c) / static_cast<double>(block_chunks(n))));
           }
-          const Index begin = c * kChunk;
-          const Index rows = std::min(kChunk, n - begin);
+          const Index begin = c * kBlockChunk;
+          const Index rows = std::min(kBlockChunk, n - begin);
           chunk.resize(rows, blocks.features);
           blocks.fill(begin, chunk);
           weights.resize(rows, count);
@@ -97,9 +96,9 @@ Vector accelerations(const BlockFeatures& blocks, const Vector& mean, const Vect
   Matrix chunk;
   Vector without(blocks.features);
   Vector statistics(blocks.statistics);
-  for (Index begin = 0; begin < n; begin += kChunk) {
+  for (Index begin = 0; begin < n; begin += kBlockChunk) {
     step(token, 1.0);
-    chunk.resize(std::min(kChunk, n - begin), blocks.features);
+    chunk.resize(std::min(kBlockChunk, n - begin), blocks.features);
     blocks.fill(begin, chunk);
     for (Index i = 0; i < chunk.rows(); ++i) {
       without = (mean * size - chunk.row(i).transpose()) / (size - 1.0);
@@ -122,7 +121,7 @@ Vector accelerations(const BlockFeatures& blocks, const Vector& mean, const Vect
 }
 
 // Linear interpolation between ordered values (Hyndman and Fan 1996, type 7).
-double quantile_of(const std::vector<double>& ordered, double p) {
+double interpolated_quantile(const std::vector<double>& ordered, double p) {
   const double position = p * static_cast<double>(ordered.size() - 1);
   const auto below = static_cast<std::size_t>(position);
   if (below + 1 >= ordered.size()) return ordered.back();
@@ -132,8 +131,8 @@ double quantile_of(const std::vector<double>& ordered, double p) {
 
 double normal_below(double z) { return 0.5 * std::erfc(-z / std::sqrt(2.0)); }
 
-void put_quantiles(const Matrix& resamples, const IntervalSpec& spec, const Vector& acceleration,
-                   Estimates& out) {
+void put_bootstrap_intervals(const Matrix& resamples, const IntervalSpec& spec,
+                             const Vector& acceleration, Estimates& out) {
   const double tail = 0.5 * (1.0 - spec.level);
   std::vector<double> ordered;
   for (Index s = 0; s < resamples.cols(); ++s) {
@@ -156,7 +155,7 @@ void put_quantiles(const Matrix& resamples, const IntervalSpec& spec, const Vect
     out.error[s] = std::sqrt(square / (size - 1.0));
     double low = tail;
     double high = 1.0 - tail;
-    if (spec.kind == Interval::kBca && ordered.front() < ordered.back()) {
+    if (spec.kind == IntervalKind::kBca && ordered.front() < ordered.back()) {
       const auto from = std::lower_bound(ordered.begin(), ordered.end(), out.value[s]);
       const auto to = std::upper_bound(from, ordered.end(), out.value[s]);
       const double below =
@@ -171,8 +170,8 @@ void put_quantiles(const Matrix& resamples, const IntervalSpec& spec, const Vect
       low = corrected(low);
       high = corrected(high);
     }
-    out.low[s] = quantile_of(ordered, low);
-    out.high[s] = quantile_of(ordered, high);
+    out.low[s] = interpolated_quantile(ordered, low);
+    out.high[s] = interpolated_quantile(ordered, high);
   }
 }
 
@@ -200,13 +199,13 @@ double student_two_sided(double level, Index dof) {
   return 0.5 * (low + high);
 }
 
-void put_replicates(const BlockFeatures& blocks, const IntervalSpec& spec, Estimates& out,
-                    Token* token) {
+void put_replicate_intervals(const BlockFeatures& blocks, const IntervalSpec& spec, Estimates& out,
+                             Token* token) {
   const Index count = spec.replicates;
   const Index size = blocks.blocks / count;
   Matrix each(blocks.statistics, count);
   for (Index r = 0; r < count; ++r) {
-    const Vector mean = means(blocks, r * size, size, token);
+    const Vector mean = block_means(blocks, r * size, size, token);
     blocks.evaluate(mean.data(), size, each.col(r).data());
   }
   const Vector centre = each.rowwise().mean();
@@ -225,7 +224,7 @@ Estimates estimate_of_blocks(const BlockFeatures& blocks, const IntervalSpec& sp
   require(blocks.blocks >= 2 && blocks.blocks < kMaxBlocks, "n",
           sentence(17, "an estimate needs 2 to 2^31 complete blocks, there are ", blocks.blocks));
   require(spec.level > 0.0 && spec.level < 1.0, "level", "level must lie between 0 and 1");
-  const Vector mean = means(blocks, 0, blocks.blocks, token);
+  const Vector mean = block_means(blocks, 0, blocks.blocks, token);
   Estimates out;
   out.value.resize(blocks.statistics);
   out.error.setConstant(blocks.statistics, kNaN);
@@ -233,27 +232,28 @@ Estimates estimate_of_blocks(const BlockFeatures& blocks, const IntervalSpec& sp
   out.high = out.error;
   blocks.evaluate(mean.data(), blocks.blocks, out.value.data());
   switch (spec.kind) {
-    case Interval::kNone:
+    case IntervalKind::kNone:
       break;
-    case Interval::kReplicates:
+    case IntervalKind::kReplicates:
       require(spec.replicates >= 2, "interval",
               "an interval from replicates needs a design of at least two: ask for replicates");
       require(blocks.blocks % spec.replicates == 0 && blocks.blocks / spec.replicates >= 2,
               "interval",
               "replicates must have equally many blocks, at least two: after dropped blocks use a "
               "bootstrap interval");
-      put_replicates(blocks, spec, out, token);
+      put_replicate_intervals(blocks, spec, out, token);
       break;
-    case Interval::kPercentile:
-    case Interval::kBca: {
+    case IntervalKind::kPercentile:
+    case IntervalKind::kBca: {
       require(spec.resamples >= 50 && spec.resamples <= 1000000, "resamples",
               "resamples must be from 50 to a million for an interval");
-      const Matrix resamples = bootstrap(blocks, spec, token);
+      const BlockFeatures varying = without_strata(blocks, mean, token);
+      const Matrix resamples = bootstrap_statistics(varying, spec, token);
       Vector acceleration;
-      if (spec.kind == Interval::kBca) {
-        acceleration = accelerations(blocks, mean, out.value, token);
+      if (spec.kind == IntervalKind::kBca) {
+        acceleration = accelerations(varying, mean, out.value, token);
       }
-      put_quantiles(resamples, spec, acceleration, out);
+      put_bootstrap_intervals(resamples, spec, acceleration, out);
       break;
     }
   }

@@ -11,6 +11,7 @@
 
 #include "base/token.hpp"
 #include "base/types.hpp"
+#include "study/sobol_sequence.hpp"
 
 namespace ulna {
 
@@ -20,11 +21,16 @@ struct BlockFeatures {
   Index statistics = 0;
   // Features of blocks first, first + 1, ...; out is blocks x features. Called by several threads.
   std::function<void(Index first, Eigen::Ref<Matrix> out)> fill;
+  // Coordinates of blocks in the cube whose strata a Latin hypercube hits once each, blocks x
+  // coordinates; 0 for blocks that are independent. What features owe to single coordinates does
+  // not vary from one hypercube to the next (Stein 1987), so a bootstrap leaves it out.
+  Index coordinates = 0;
+  std::function<void(Index first, Eigen::Ref<PointRows> out)> fill_coordinates;
   // Statistics of the features' means over n blocks.
   std::function<void(const double* means, Index n, double* out)> evaluate;
 };
 
-enum class Interval {
+enum class IntervalKind {
   kPercentile,  // bootstrap of whole blocks, quantiles of the resamples (Efron 1979)
   kBca,         // bias-corrected and accelerated (Efron 1987)
   kReplicates,  // spread of independent replicates, Student's t
@@ -32,7 +38,7 @@ enum class Interval {
 };
 
 struct IntervalSpec {
-  Interval kind = Interval::kPercentile;
+  IntervalKind kind = IntervalKind::kPercentile;
   double level = 0.9;
   Index resamples = 1000;
   Index replicates = 1;  // equal shares of the blocks in a row

@@ -10,18 +10,18 @@
 namespace ulna {
 namespace {
 
-void check_finite(double value, const char* name) {
+void check_factor_number(double value, const char* name) {
   require(std::isfinite(value), name, std::string(name) + " must be a finite number");
 }
 
-void check_order(double low, double high) {
-  check_finite(low, "low");
-  check_finite(high, "high");
+void check_factor_order(double low, double high) {
+  check_factor_number(low, "low");
+  check_factor_number(high, "high");
   require(low < high, "high", "high must be above low");
   require(std::isfinite(high - low), "high", "high - low must be a finite number");
 }
 
-double below(double z) { return 0.5 * std::erfc(-z / std::sqrt(2.0)); }
+double normal_share_below(double z) { return 0.5 * std::erfc(-z / std::sqrt(2.0)); }
 
 }  // namespace
 
@@ -80,41 +80,41 @@ double standard_normal_quantile(double p) {
 }
 
 Distribution Distribution::uniform(double low, double high) {
-  check_order(low, high);
+  check_factor_order(low, high);
   return {Family::kUniform, low, high, 0.0, 0.0};
 }
 
 Distribution Distribution::normal(double mean, double deviation) {
-  check_finite(mean, "mean");
+  check_factor_number(mean, "mean");
   require(deviation > 0.0 && std::isfinite(deviation), "deviation", "deviation must be positive");
   return {Family::kNormal, mean, deviation, 0.0, 0.0};
 }
 
 Distribution Distribution::truncated_normal(double mean, double deviation, double low,
                                             double high) {
-  check_finite(mean, "mean");
+  check_factor_number(mean, "mean");
   require(deviation > 0.0 && std::isfinite(deviation), "deviation", "deviation must be positive");
-  check_order(low, high);
+  check_factor_order(low, high);
   Distribution out(Family::kTruncatedNormal, mean, deviation, low, high);
   // Probabilities near 1 have lost their digits: above the mean count from the other end.
   out.mirrored_ = low > mean;
   const double from = out.mirrored_ ? (mean - high) / deviation : (low - mean) / deviation;
   const double to = out.mirrored_ ? (mean - low) / deviation : (high - mean) / deviation;
-  out.tail_low_ = below(from);
-  out.tail_high_ = below(to);
+  out.tail_low_ = normal_share_below(from);
+  out.tail_high_ = normal_share_below(to);
   require(out.tail_high_ - out.tail_low_ > 0.0, "low",
           "low and high are so far from the mean that nothing of the distribution is left");
   return out;
 }
 
 Distribution Distribution::triangular(double low, double mode, double high) {
-  check_order(low, high);
+  check_factor_order(low, high);
   require(mode >= low && mode <= high, "mode", "mode must lie between low and high");
   return {Family::kTriangular, low, mode, high, 0.0};
 }
 
 Distribution Distribution::log_uniform(double low, double high) {
-  check_order(low, high);
+  check_factor_order(low, high);
   require(low > 0.0, "low", "low must be positive for a log-uniform distribution");
   return {Family::kLogUniform, low, high, std::log(low), std::log(high)};
 }
@@ -125,7 +125,7 @@ Distribution Distribution::discrete(std::vector<double> values, std::vector<doub
   require(weights.size() == values.size(), "weights",
           "weights must be as many as values, " + std::to_string(values.size()));
   for (std::size_t i = 0; i < values.size(); ++i) {
-    check_finite(values[i], "values");
+    check_factor_number(values[i], "values");
     require(weights[i] >= 0.0 && std::isfinite(weights[i]), "weights",
             "weights must be at least 0; weight " + std::to_string(i) + " is not");
   }
@@ -194,12 +194,13 @@ double Distribution::probability(double x) const {
     case Family::kUniform:
       return std::clamp((x - a_) / (b_ - a_), 0.0, 1.0);
     case Family::kNormal:
-      return below((x - a_) / b_);
+      return normal_share_below((x - a_) / b_);
     case Family::kTruncatedNormal: {
       if (x <= c_) return 0.0;
       if (x >= d_) return 1.0;
       const double z = (x - a_) / b_;
-      const double share = (below(mirrored_ ? -z : z) - tail_low_) / (tail_high_ - tail_low_);
+      const double share =
+          (normal_share_below(mirrored_ ? -z : z) - tail_low_) / (tail_high_ - tail_low_);
       return std::clamp(mirrored_ ? 1.0 - share : share, 0.0, 1.0);
     }
     case Family::kTriangular: {

@@ -1,5 +1,4 @@
 #include <cmath>
-#include <limits>
 
 #include "base/error.hpp"
 #include "study/indices.hpp"
@@ -8,16 +7,14 @@
 namespace ulna {
 namespace {
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-
 // Effects of every block, blocks x groups, and halves of the squared changes of the output.
-struct Effects {
+struct BlockEffects {
   Matrix effect;
   Matrix half_square;
   std::vector<bool> single;  // a group of one factor: its effect has a sign
 };
 
-Effects effects_of(const OutputBlocks& blocks, const Sampling& sampling, Token* token) {
+BlockEffects effects_of(const OutputBlocks& blocks, const Sampling& sampling, Token* token) {
   const Index groups = sampling.groups();
   const Index factors = sampling.spec().factors;
   const auto count = static_cast<Index>(blocks.chosen.size());
@@ -27,12 +24,12 @@ Effects effects_of(const OutputBlocks& blocks, const Sampling& sampling, Token* 
     for (Index k = 0; k < factors; ++k) group_of.push_back(k);
   }
   for (const Index g : group_of) ++members[static_cast<std::size_t>(g)];
-  Effects out;
+  BlockEffects out;
   out.effect.resize(count, groups);
   out.half_square.resize(count, groups);
   for (const Index m : members) out.single.push_back(m == 1);
   const std::vector<Index> compared = compared_rows(sampling);
-  Rows points(sampling.block_rows(), factors);
+  PointRows points(sampling.block_rows(), factors);
   for (Index i = 0; i < count; ++i) {
     if (i % 1024 == 0) step(token, 0.0);
     const Index block = blocks.chosen[static_cast<std::size_t>(i)];
@@ -80,7 +77,7 @@ Indices elementary_effects(const Sampling& sampling, const VectorRef& y,
           "elementary effects have one estimator");
   const OutputBlocks blocks = output_blocks(sampling, y, status, spec, token);
   const Index groups = sampling.groups();
-  const Effects effects = effects_of(blocks, sampling, token);
+  const BlockEffects effects = effects_of(blocks, sampling, token);
   const Eigen::RowVectorXd centre = effects.effect.colwise().mean();
 
   BlockFeatures of;
@@ -120,6 +117,7 @@ Indices elementary_effects(const Sampling& sampling, const VectorRef& y,
       total[g] = out[1] > 0.0 ? f[3] / out[1] : kNaN;
     }
   };
+  stratify(sampling, blocks, of);
   IntervalSpec interval = spec.interval;
   interval.replicates = sampling.spec().replicates;
   const Estimates all = estimate_of_blocks(of, interval, token);

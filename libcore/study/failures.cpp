@@ -14,17 +14,17 @@ namespace ulna {
 namespace {
 
 // Points of all rows, for distances: only made when something failed.
-Rows all_points(const Sampling& sampling, const char* what) {
+PointRows all_points(const Sampling& sampling, const char* what) {
   require(sampling.has_points(), "on_failure",
           std::string("on_failure ") + what +
               " needs the points of the runs, and only their outputs were given: use drop_block");
-  Rows points(sampling.rows(), sampling.spec().factors);
+  PointRows points(sampling.rows(), sampling.spec().factors);
   sampling.fill(0, points);
   return points;
 }
 
 void take_nearest(const Sampling& sampling, Outputs& outputs, Token* token) {
-  const Rows points = all_points(sampling, "nearest");
+  const PointRows points = all_points(sampling, "nearest");
   // In the order of the first coordinate: the search widens from a failure's own place and stops
   // where that coordinate alone is farther than the best so far.
   std::vector<Index> good;
@@ -68,7 +68,7 @@ void take_nearest(const Sampling& sampling, Outputs& outputs, Token* token) {
 }
 
 void take_surface(const Sampling& sampling, std::uint64_t seed, Outputs& outputs, Token* token) {
-  const Rows points = all_points(sampling, "surface");
+  const PointRows points = all_points(sampling, "surface");
   const Surface surface = fit_surface(points, outputs.y, outputs.failed, seed, token);
   for (Index i = 0; i < points.rows(); ++i) {
     if (outputs.failed[static_cast<std::size_t>(i)]) {
@@ -111,7 +111,7 @@ std::vector<Index> moved_groups(const Sampling& sampling, Index block) {
       out[static_cast<std::size_t>(row)] = (row - 1) % groups;
     }
   } else if (scheme != Scheme::kSample) {
-    Rows points(sampling.block_rows(), sampling.spec().factors);
+    PointRows points(sampling.block_rows(), sampling.spec().factors);
     sampling.fill(block * sampling.block_rows(), points);
     const std::vector<Index>& own = sampling.spec().group_of;
     for (Index row = 1; row < points.rows(); ++row) {

@@ -74,6 +74,14 @@ OutputBlocks output_blocks(const Sampling& sampling, const VectorRef& y,
   return out;
 }
 
+void stratify(const Sampling& sampling, const OutputBlocks& blocks, BlockFeatures& of) {
+  if (static_cast<Index>(blocks.chosen.size()) != sampling.blocks()) return;
+  of.coordinates = sampling.stratified_coordinates();
+  of.fill_coordinates = [&sampling](Index first, Eigen::Ref<PointRows> out) {
+    sampling.fill_strata(first, out);
+  };
+}
+
 Estimates part_of(const Estimates& all, Index first, Index count) {
   return {all.value.segment(first, count), all.error.segment(first, count),
           all.low.segment(first, count), all.high.segment(first, count)};

@@ -25,6 +25,10 @@ OutputBlocks output_blocks(const Sampling& sampling, const VectorRef& y,
                            const std::vector<std::int32_t>& status, const IndexSpec& spec,
                            Token* token);
 
+// Tells a bootstrap which coordinates of the blocks a Latin hypercube stratifies, when every block
+// of the design is there.
+void stratify(const Sampling& sampling, const OutputBlocks& blocks, BlockFeatures& of);
+
 // Entries first, first + 1, ... of all statistics.
 Estimates part_of(const Estimates& all, Index first, Index count);
 

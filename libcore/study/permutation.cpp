@@ -10,7 +10,7 @@ namespace ulna {
 namespace {
 
 // The finaliser of SplitMix64 (Steele, Lea and Flood 2014): a bijection that spreads every bit.
-std::uint64_t mix(std::uint64_t x) noexcept {
+std::uint64_t spread_bits(std::uint64_t x) noexcept {
   x = (x ^ (x >> 30)) * 0xBF58476D1CE4E5B9ULL;
   x = (x ^ (x >> 27)) * 0x94D049BB133111EBULL;
   return x ^ (x >> 31);
@@ -47,8 +47,8 @@ Index Permutation::operator()(Index place) const noexcept {
     std::uint64_t low = x & low_mask;
     std::uint64_t high = x >> low_bits_;
     for (std::size_t round = 0; round < kRounds; round += 2) {
-      low ^= mix(high ^ keys_[round]) & low_mask;
-      high ^= mix(low ^ keys_[round + 1]) & high_mask;
+      low ^= spread_bits(high ^ keys_[round]) & low_mask;
+      high ^= spread_bits(low ^ keys_[round + 1]) & high_mask;
     }
     x = high << low_bits_ | low;
   } while (x >= static_cast<std::uint64_t>(n_));

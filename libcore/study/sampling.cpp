@@ -15,7 +15,7 @@ namespace ulna {
 namespace {
 
 constexpr Index kMaximinRows = 1 << 14;  // distances are of all pairs
-constexpr Index kMaxRows = Index{1} << 40;
+constexpr Index kMaxSampledRows = Index{1} << 40;
 constexpr Index kNumbersAtOnce = 1 << 20;
 
 void check_power_of_two(Index n) {
@@ -28,7 +28,7 @@ void check_power_of_two(Index n) {
 }
 
 // Where b may fall so that it is at least `guard` away from a: v in (0, 1) over what is left.
-double guarded(double a, double v, double guard) {
+double guarded_step(double a, double v, double guard) {
   const double below = std::max(0.0, a - guard);
   const double above = std::max(0.0, 1.0 - guard - a);
   const double at = v * (below + above);
@@ -78,7 +78,7 @@ Sampling::Sampling(const SamplingSpec& spec, Empty) : spec_(spec) {
               "levels must be an even number from 2 to 1000");
       break;
   }
-  require(spec.n <= kMaxRows / block_rows_ / spec.replicates, "n",
+  require(spec.n <= kMaxSampledRows / block_rows_ / spec.replicates, "n",
           "a design has at most 2^40 rows");
 }
 
@@ -88,7 +88,7 @@ Sampling Sampling::layout(const SamplingSpec& spec) {
   return out;
 }
 
-Sampling::Sampling(const SamplingSpec& spec, Rows points) : Sampling(spec, Empty{}) {
+Sampling::Sampling(const SamplingSpec& spec, PointRows points) : Sampling(spec, Empty{}) {
   require(points.cols() == spec.factors, "points",
           sentence(17, "points must have a column for each of the ", spec.factors, " factors, got ",
                    points.cols()));
@@ -97,7 +97,7 @@ Sampling::Sampling(const SamplingSpec& spec, Rows points) : Sampling(spec, Empty
                    points.rows()));
   require((points.array() >= 0.0).all() && (points.array() <= 1.0).all(), "points",
           "points must lie in the unit cube");
-  points_ = std::make_shared<const Rows>(std::move(points));
+  points_ = std::make_shared<const PointRows>(std::move(points));
   check_points();
 }
 
@@ -123,6 +123,22 @@ bool Sampling::independent_steps() const noexcept {
   return spec_.scheme == Scheme::kRadial && spec_.guard == 0.0;
 }
 
+Index Sampling::stratified_coordinates() const noexcept {
+  const bool latin = spec_.sampler == Sampler::kLatin || spec_.sampler == Sampler::kPooledLatin;
+  const bool made = has_points_ && !points_ && spec_.scheme != Scheme::kTrajectories;
+  return latin && made ? dimensions_ : 0;
+}
+
+void Sampling::fill_strata(Index first, Eigen::Ref<PointRows> out) const {
+  for (Index done = 0; done < out.rows();) {
+    const Index block = first + done;
+    const Index begin = block % spec_.n;
+    const Index count = std::min(out.rows() - done, spec_.n - begin);
+    fill_base(block / spec_.n, begin, out.middleRows(done, count));
+    done += count;
+  }
+}
+
 void Sampling::make_base(Index replicate) {
   const auto r = static_cast<std::uint64_t>(replicate);
   if (spec_.sampler == Sampler::kSobol) {
@@ -146,7 +162,7 @@ void Sampling::make_base(Index replicate) {
 // Morris and Mitchell 1995: the Latin hypercube, of those drawn, whose two closest points are the
 // farthest apart.
 void Sampling::choose_candidate(Token* token) {
-  Rows points(spec_.n, dimensions_);
+  PointRows points(spec_.n, dimensions_);
   const double work = static_cast<double>(spec_.replicates * spec_.candidates);
   for (Index r = 0; r < spec_.replicates; ++r) {
     Index& chosen = candidate_[static_cast<std::size_t>(r)];
@@ -175,7 +191,8 @@ void Sampling::choose_candidate(Token* token) {
   orders_.clear();
 }
 
-void Sampling::fill_latin(Index replicate, Index first, Index strata, Eigen::Ref<Rows> out) const {
+void Sampling::fill_latin(Index replicate, Index first, Index strata,
+                          Eigen::Ref<PointRows> out) const {
   const auto& orders = orders_[static_cast<std::size_t>(replicate)];
   const double width = 1.0 / static_cast<double>(strata);
   const auto candidate =
@@ -190,7 +207,7 @@ void Sampling::fill_latin(Index replicate, Index first, Index strata, Eigen::Ref
   }
 }
 
-void Sampling::fill_base(Index replicate, Index first, Eigen::Ref<Rows> out) const {
+void Sampling::fill_base(Index replicate, Index first, Eigen::Ref<PointRows> out) const {
   const Index factors = spec_.factors;
   switch (spec_.sampler) {
     case Sampler::kSobol:
@@ -210,14 +227,14 @@ void Sampling::fill_base(Index replicate, Index first, Eigen::Ref<Rows> out) con
       return;
     case Sampler::kPooledLatin:
       if (spec_.scheme == Scheme::kRadial) {
-        Rows pairs(2 * out.rows(), factors);
+        PointRows pairs(2 * out.rows(), factors);
         fill_latin(replicate, 2 * first, 2 * spec_.n, pairs);
         for (Index i = 0; i < out.rows(); ++i) {
           out.row(i).head(factors) = pairs.row(2 * i);
           out.row(i).tail(factors) = pairs.row(2 * i + 1);
         }
       } else {
-        Rows half(out.rows(), factors);
+        PointRows half(out.rows(), factors);
         fill_latin(replicate, first, 2 * spec_.n, half);
         out.leftCols(factors) = half;
         fill_latin(replicate, spec_.n + first, 2 * spec_.n, half);
@@ -263,12 +280,12 @@ void Sampling::fill_blocks(Index replicate, Index first, Index count, double* ou
     return;
   }
   const Index factors = spec_.factors;
-  Rows base(count, dimensions_);
+  PointRows base(count, dimensions_);
   fill_base(replicate, first, base);
   if (spec_.scheme == Scheme::kRadial && spec_.guard > 0.0) {
     for (Index b = 0; b < count; ++b) {
       for (Index k = 0; k < factors; ++k) {
-        base(b, factors + k) = guarded(base(b, k), base(b, factors + k), spec_.guard);
+        base(b, factors + k) = guarded_step(base(b, k), base(b, factors + k), spec_.guard);
       }
     }
   }
@@ -291,7 +308,7 @@ void Sampling::fill_blocks(Index replicate, Index first, Index count, double* ou
   }
 }
 
-void Sampling::fill(Index first, Eigen::Ref<Rows> out) const {
+void Sampling::fill(Index first, Eigen::Ref<PointRows> out) const {
   require(has_points_, "sampling", "the points of these outputs were not given");
   require(first >= 0 && first + out.rows() <= rows(), "rows",
           sentence(17, "rows must be from 0 to ", rows() - 1));
@@ -302,7 +319,7 @@ void Sampling::fill(Index first, Eigen::Ref<Rows> out) const {
   }
   // Whole blocks, as many as cover the rows, never more at once than keep the memory bounded.
   const Index at_once = std::max<Index>(1, kNumbersAtOnce / (block_rows_ * spec_.factors));
-  Rows blocks;
+  PointRows blocks;
   Index done = 0;
   while (done < out.rows()) {
     const Index row = first + done;

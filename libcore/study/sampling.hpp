@@ -51,7 +51,7 @@ class Sampling {
   explicit Sampling(const SamplingSpec& spec, Token* token = nullptr);
   // Points that were made elsewhere, rows x factors in (0, 1) or at its ends; `spec` says how they
   // are to be read. Radial and trajectory blocks are checked: each group moves once.
-  Sampling(const SamplingSpec& spec, Rows points);
+  Sampling(const SamplingSpec& spec, PointRows points);
   // The layout alone, for outputs whose points are not known.
   static Sampling layout(const SamplingSpec& spec);
 
@@ -61,19 +61,23 @@ class Sampling {
   Index blocks() const noexcept { return spec_.n * spec_.replicates; }
   Index rows() const noexcept { return blocks() * block_rows_; }
   bool has_points() const noexcept { return has_points_; }
+  // Coordinates of base points that are strata of one Latin hypercube, 0 when there is none.
+  Index stratified_coordinates() const noexcept;
+  // Those of blocks first, first + 1, ...; out is blocks x stratified_coordinates().
+  void fill_strata(Index first, Eigen::Ref<PointRows> out) const;
   // Whether the two points of a step are independent, as a total index needs.
   bool independent_steps() const noexcept;
 
   // Rows first, first + 1, ... ; out is rows x factors.
-  void fill(Index first, Eigen::Ref<Rows> out) const;
+  void fill(Index first, Eigen::Ref<PointRows> out) const;
 
  private:
   struct Empty {};
   Sampling(const SamplingSpec& spec, Empty);
   void choose_candidate(Token* token);
   void make_base(Index replicate);
-  void fill_base(Index replicate, Index first, Eigen::Ref<Rows> out) const;
-  void fill_latin(Index replicate, Index first, Index strata, Eigen::Ref<Rows> out) const;
+  void fill_base(Index replicate, Index first, Eigen::Ref<PointRows> out) const;
+  void fill_latin(Index replicate, Index first, Index strata, Eigen::Ref<PointRows> out) const;
   void fill_blocks(Index replicate, Index first, Index count, double* out) const;
   void fill_trajectories(Index replicate, Index first, Index count, double* out) const;
   void check_points() const;
@@ -87,7 +91,7 @@ class Sampling {
   std::vector<SobolSequence> sequences_;          // one a replicate
   std::vector<std::vector<Permutation>> orders_;  // one a replicate and dimension
   std::vector<Index> candidate_;                  // chosen, one a replicate
-  std::shared_ptr<const Rows> points_;
+  std::shared_ptr<const PointRows> points_;
 };
 
 }  // namespace ulna

@@ -66,7 +66,7 @@ SobolSequence::SobolSequence(Index dimensions, std::uint64_t seed, std::uint64_t
   }
 }
 
-void SobolSequence::fill(Index first, Eigen::Ref<Rows> out) const {
+void SobolSequence::fill(Index first, Eigen::Ref<PointRows> out) const {
   const Index dimensions = static_cast<Index>(directions_.size());
   require(first >= 0 && first + out.rows() <= (Index{1} << kIndexBits), "rows",
           "a Sobol' sequence is used up to 2^40 points");

@@ -13,7 +13,7 @@
 namespace ulna {
 
 // Row-major block of rows, as designs are made and handed out.
-using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+using PointRows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 class SobolSequence {
  public:
@@ -23,7 +23,7 @@ class SobolSequence {
                 bool scrambled = true);
 
   // Points first, first + 1, ... of the sequence, below 2^40, each inside (0, 1).
-  void fill(Index first, Eigen::Ref<Rows> out) const;
+  void fill(Index first, Eigen::Ref<PointRows> out) const;
 
  private:
   static constexpr int kDigits = 52;     // of a coordinate

@@ -15,13 +15,13 @@
 namespace ulna {
 namespace {
 
-constexpr int kMaxDegree = 14;
-constexpr Index kMaxTerms = 300;
-constexpr Index kMaxRows = 6000;      // of the fit
-constexpr Index kMaxFailures = 1000;  // whose neighbourhood validates
+constexpr int kMaxSurfaceDegree = 14;
+constexpr Index kSurfaceTerms = 300;
+constexpr Index kMaxSurfaceRows = 6000;   // of the fit
+constexpr Index kSurfaceFailures = 1000;  // whose neighbourhood validates
 constexpr double kValidationShare = 0.15;
 
-using Legendre = std::array<double, kMaxDegree + 1>;
+using Legendre = std::array<double, kMaxSurfaceDegree + 1>;
 
 // Orthonormal on (0, 1): sqrt(2 d + 1) P_d(2 u - 1).
 Legendre legendre(double u) {
@@ -37,29 +37,29 @@ Legendre legendre(double u) {
   return p;
 }
 
-struct Term {
+struct SurfaceTerm {
   std::vector<std::pair<Index, int>> parts;
   double size = 0.0;
 };
 
 // Terms of up to three factors in the order of their hyperbolic degree (Blatman and Sudret 2011,
 // q = 0.75), which prefers few factors with high degrees to many with low ones.
-std::vector<Term> all_terms(Index factors) {
+std::vector<SurfaceTerm> surface_terms(Index factors) {
   constexpr double kQ = 0.75;
   const auto weight = [](int d) { return std::pow(static_cast<double>(d), kQ); };
-  const double limit = std::pow(static_cast<double>(kMaxDegree), kQ) + 1e-9;
-  std::vector<Term> out(1);
+  const double limit = std::pow(static_cast<double>(kMaxSurfaceDegree), kQ) + 1e-9;
+  std::vector<SurfaceTerm> out(1);
   // Of many factors, products alone exceed the terms that are kept.
   const Index second = factors <= 40 ? factors : 0;
   const Index third = factors <= 15 ? factors : 0;
   for (Index i = 0; i < factors; ++i) {
-    for (int a = 1; a <= kMaxDegree; ++a) {
+    for (int a = 1; a <= kMaxSurfaceDegree; ++a) {
       out.push_back({{{i, a}}, weight(a)});
       for (Index j = i + 1; j < second; ++j) {
-        for (int b = 1; b <= kMaxDegree && weight(a) + weight(b) <= limit; ++b) {
+        for (int b = 1; b <= kMaxSurfaceDegree && weight(a) + weight(b) <= limit; ++b) {
           out.push_back({{{i, a}, {j, b}}, weight(a) + weight(b)});
           for (Index k = j + 1; k < third; ++k) {
-            for (int c = 1; c <= kMaxDegree; ++c) {
+            for (int c = 1; c <= kMaxSurfaceDegree; ++c) {
               const double size = weight(a) + weight(b) + weight(c);
               if (size > limit) break;
               out.push_back({{{i, a}, {j, b}, {k, c}}, size});
@@ -70,12 +70,12 @@ std::vector<Term> all_terms(Index factors) {
     }
   }
   std::stable_sort(out.begin(), out.end(),
-                   [](const Term& a, const Term& b) { return a.size < b.size; });
+                   [](const SurfaceTerm& a, const SurfaceTerm& b) { return a.size < b.size; });
   return out;
 }
 
-void fill_row(const std::vector<Term>& terms, Index count, const std::vector<Legendre>& p,
-              double* out) {
+void fill_terms(const std::vector<SurfaceTerm>& terms, Index count, const std::vector<Legendre>& p,
+                double* out) {
   for (Index t = 0; t < count; ++t) {
     double value = 1.0;
     for (const auto& [factor, degree] : terms[static_cast<std::size_t>(t)].parts) {
@@ -101,7 +101,7 @@ double Surface::value(const VectorRef& point) const {
   return sum;
 }
 
-Surface fit_surface(const Rows& points, const Vector& y, const std::vector<bool>& failed,
+Surface fit_surface(const PointRows& points, const Vector& y, const std::vector<bool>& failed,
                     std::uint64_t seed, Token* token) {
   // A random share of a large study: the first rows that a random order meets.
   std::vector<Index> good;
@@ -110,8 +110,8 @@ Surface fit_surface(const Rows& points, const Vector& y, const std::vector<bool>
   for (Index place = 0; place < points.rows(); ++place) {
     const Index row = order(place);
     const bool lost = failed[static_cast<std::size_t>(row)];
-    if (lost && static_cast<Index>(bad.size()) < kMaxFailures) bad.push_back(row);
-    if (!lost && static_cast<Index>(good.size()) < kMaxRows) good.push_back(row);
+    if (lost && static_cast<Index>(bad.size()) < kSurfaceFailures) bad.push_back(row);
+    if (!lost && static_cast<Index>(good.size()) < kMaxSurfaceRows) good.push_back(row);
   }
   if (good.size() < 10) {
     throw Error(Fault::kData, "on_failure",
@@ -136,9 +136,9 @@ Surface fit_surface(const Rows& points, const Vector& y, const std::vector<bool>
   const Index held = std::max<Index>(
       3, static_cast<Index>(std::llround(kValidationShare * static_cast<double>(n))));
 
-  std::vector<Term> terms = all_terms(points.cols());
+  std::vector<SurfaceTerm> terms = surface_terms(points.cols());
   // Whole degrees only, so that no factor is preferred.
-  auto limit = static_cast<std::size_t>(std::min(kMaxTerms, (n - held) / 3));
+  auto limit = static_cast<std::size_t>(std::min(kSurfaceTerms, (n - held) / 3));
   limit = std::min(limit, terms.size());
   const auto ends = [&terms](std::size_t m) {
     return m == terms.size() || terms[m].size > terms[m - 1].size + 1e-9;
@@ -147,7 +147,7 @@ Surface fit_surface(const Rows& points, const Vector& y, const std::vector<bool>
   terms.resize(std::max<std::size_t>(1, limit));
   const auto count = static_cast<Index>(terms.size());
   // Rows in that order: the first `held` validate.
-  Rows design(n, count);
+  PointRows design(n, count);
   Vector output(n);
   std::vector<Legendre> p(static_cast<std::size_t>(points.cols()));
   for (Index i = 0; i < n; ++i) {
@@ -155,7 +155,7 @@ Surface fit_surface(const Rows& points, const Vector& y, const std::vector<bool>
     for (Index k = 0; k < points.cols(); ++k) {
       p[static_cast<std::size_t>(k)] = legendre(points(row, k));
     }
-    fill_row(terms, count, p, design.data() + i * count);
+    fill_terms(terms, count, p, design.data() + i * count);
     output[i] = y[row];
   }
   const double centre = output.mean();

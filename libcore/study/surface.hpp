@@ -23,7 +23,7 @@ struct Surface {
   double value(const VectorRef& point) const;  // point in the unit cube
 };
 
-Surface fit_surface(const Rows& points, const Vector& y, const std::vector<bool>& failed,
+Surface fit_surface(const PointRows& points, const Vector& y, const std::vector<bool>& failed,
                     std::uint64_t seed, Token* token);
 
 }  // namespace ulna

@@ -1,5 +1,4 @@
 #include <cmath>
-#include <limits>
 
 #include "base/error.hpp"
 #include "study/indices.hpp"
@@ -7,8 +6,6 @@
 
 namespace ulna {
 namespace {
-
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 // Features of a block, in this order:
 //   A, B, A^2, B^2                                      4
@@ -154,8 +151,8 @@ class VarianceFeatures {
   bool cross_ = false;
 };
 
-Estimates estimate(const OutputBlocks& blocks, const Sampling& sampling, IndexEstimator estimator,
-                   const IntervalSpec& interval, Token* token) {
+Estimates variance_estimates(const OutputBlocks& blocks, const Sampling& sampling,
+                             IndexEstimator estimator, const IntervalSpec& interval, Token* token) {
   VarianceFeatures features(blocks, sampling.groups(), sampling.spec().second_order, estimator);
   BlockFeatures of;
   of.blocks = static_cast<Index>(blocks.chosen.size());
@@ -168,6 +165,7 @@ Estimates estimate(const OutputBlocks& blocks, const Sampling& sampling, IndexEs
     if (cross) out.rightCols(1) = out.col(0).cwiseProduct(out.col(1));
   };
   of.evaluate = [&](const double* means, Index, double* out) { features.evaluate(means, out); };
+  stratify(sampling, blocks, of);
   return estimate_of_blocks(of, interval, token);
 }
 
@@ -191,7 +189,7 @@ Indices variance_indices(const Sampling& sampling, const VectorRef& y,
   }
   IntervalSpec interval = spec.interval;
   interval.replicates = sampling.spec().replicates;
-  const Estimates all = estimate(blocks, sampling, spec.estimator, interval, token);
+  const Estimates all = variance_estimates(blocks, sampling, spec.estimator, interval, token);
   const Index groups = out.groups;
   out.mean = rescaled(part_of(all, 0, 1), blocks.scale, blocks.centre);
   out.variance = rescaled(part_of(all, 1, 1), blocks.scale * blocks.scale);
@@ -218,7 +216,8 @@ Indices variance_indices(const Sampling& sampling, const VectorRef& y,
     const OutputBlocks indicator =
         output_blocks(sampling, failure_indicator(looked), {}, plain, token);
     if (!indicator.constant) {
-      const Estimates of = estimate(indicator, sampling, IndexEstimator::kDefault, interval, token);
+      const Estimates of =
+          variance_estimates(indicator, sampling, IndexEstimator::kDefault, interval, token);
       out.failure_first = part_of(of, 2, groups);
       out.failure_total = part_of(of, 2 + groups, groups);
     }

@@ -69,6 +69,7 @@ _HOMES = {
     "ReflexEstimate": "reflex",
 }
 _MODULES = (
+    "exo",
     "joint",
     "models",
     "reflex",

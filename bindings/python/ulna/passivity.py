@@ -1,6 +1,7 @@
 """Passivity of a limb: a verdict with its probability, from the model and from the energy.
 
 The module can be called: ``ulna.passivity(estimate)`` is ``ulna.passivity.assess(estimate)``.
+`indices` judges any linear system, `two_port` what stands between two of them.
 """
 
 from __future__ import annotations
@@ -25,11 +26,24 @@ from ._call import (
     text,
     view,
 )
+from ._indices import PortIndices, TwoPortStability, indices, is_positive_real, two_port
 
 if TYPE_CHECKING:
     from .impedance import ImpedanceEstimate
 
-__all__ = ["EnergyIndex", "Margins", "PassivityVerdict", "assess", "of_energy", "of_model"]
+__all__ = [
+    "EnergyIndex",
+    "Margins",
+    "PassivityVerdict",
+    "PortIndices",
+    "TwoPortStability",
+    "assess",
+    "indices",
+    "is_positive_real",
+    "of_energy",
+    "of_model",
+    "two_port",
+]
 
 _VERDICTS = {
     lib.ULNA_VERDICT_PASSIVE: "passive",

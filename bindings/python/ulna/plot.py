@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from ._figure import BLUE, GREEN, GREY, INK, ORANGE, SKY, WIDTH_IN, axes_grid, style
+from ._plot_exo import elbow_torque
 from ._plot_models import orders, response, transfer_function
 from ._plot_passivity import allowed, port_indices, two_port
 from ._plot_reflex import delay_profile, joint, reflex, windows
@@ -32,6 +33,7 @@ __all__ = [
     "absorbed_energy",
     "allowed",
     "delay_profile",
+    "elbow_torque",
     "ellipses",
     "energy",
     "entry_names",

@@ -433,7 +433,7 @@ def identify_reflex(
     >>> a = (-0.01 * (2 * np.pi * f) ** 2 * np.sin(2 * np.pi * f * t + f)).sum(axis=0)
     >>> noise = 0.05 * np.random.default_rng(1).normal(size=t.size)
     >>> log = ulna.Record.from_arrays(
-    ...     t, {"q [rad]": x, "tau [Nm]": -(0.015 * a + 0.8 * v + 60 * x) + noise}
+    ...     t, {"q": x, "tau": -(0.015 * a + 0.8 * v + 60 * x) + noise}
     ... )
     >>> import warnings
     >>> with warnings.catch_warnings():
@@ -1051,7 +1051,7 @@ def compare_windows(
     >>> rng = np.random.default_rng(0)
     >>> log = ulna.Record.from_arrays(
     ...     t,
-    ...     {"x [m]": r, "F_x [N]": -(1.2 * a + 8 * v + 150 * r) + 1e-4 * rng.normal(size=t.size)},
+    ...     {"x": r, "F_x": -(1.2 * a + 8 * v + 150 * r) + 1e-4 * rng.normal(size=t.size)},
     ... )
     >>> windows = ulna.compare_windows(log, onsets_s=onsets, window_s=0.2)
     >>> bool(windows.p_value > 0.01), len(windows.onsets_s)

@@ -215,16 +215,16 @@ typedef struct ulna_two_port_stability {
   int32_t verdict;     /* ULNA_VERDICT_PASSIVE: absolutely stable */
   int32_t reserved;    /* zero */
   double margin;       /* smallest 2 r_far (r_own - a) - Re k - |k|, k = z12 z21, r = Re z */
-  double margin_frequency_rad_s;
-  double shortage; /* largest a of the termination that keeps stability */
-  double shortage_frequency_rad_s;
-  double opposite; /* largest a of the other one, this one passive */
-  double opposite_frequency_rad_s;
-  double own_real; /* smallest real part at the port of the termination */
-  double own_real_frequency_rad_s;
-  double far_real; /* at the other port */
-  double far_real_frequency_rad_s;
-  char reason[512]; /* one sentence: why this verdict */
+  double margin_frequency_rad_s;   /* where it is met */
+  double shortage;                 /* largest a of the termination that keeps stability */
+  double shortage_frequency_rad_s; /* where it is met */
+  double opposite;                 /* largest a of the other one, this one passive */
+  double opposite_frequency_rad_s; /* where it is met */
+  double own_real;                 /* smallest real part at the port of the termination */
+  double own_real_frequency_rad_s; /* where it is met */
+  double far_real;                 /* at the other port */
+  double far_real_frequency_rad_s; /* where it is met */
+  char reason[512];                /* one sentence: why this verdict */
 } ulna_two_port_stability;
 
 /** Absolute stability of a 2 x 2 system of impedances (or other immittance parameters). Beyond the

@@ -295,6 +295,106 @@ ULNA_API ulna_status ulna_indices_get_values(const ulna_indices *indices, int32_
 ULNA_API ulna_status ulna_indices_get_failures(const ulna_indices *indices, int32_t which,
                                                double *out, int64_t capacity, int64_t *out_count);
 
+/** The results of a study on disk, in a folder: an immutable plan and a file for each writer.
+ * @since 0.1 */
+typedef struct ulna_journal ulna_journal;
+
+/** A row that has no result yet. @since 0.1 */
+#define ULNA_ROW_NONE (-1)
+/** A good run. @since 0.1 */
+#define ULNA_ROW_OK (0)
+/** The run could not be set up. @since 0.1 */
+#define ULNA_ROW_FAILED_INIT (1)
+/** The run diverged. @since 0.1 */
+#define ULNA_ROW_DIVERGED (2)
+/** The run left its limits. @since 0.1 */
+#define ULNA_ROW_LIMIT (3)
+/** The run took too long; transient: it may be run again. @since 0.1 */
+#define ULNA_ROW_TIMEOUT (4)
+/** The output is not finite. @since 0.1 */
+#define ULNA_ROW_NONFINITE (5)
+/** The function raised an error. @since 0.1 */
+#define ULNA_ROW_RAISED (6)
+/** The process of the run died; transient. @since 0.1 */
+#define ULNA_ROW_CRASHED (7)
+
+/** How a journal is opened. Zero bytes mean the defaults named here.
+ * @since 0.1 */
+typedef struct ulna_journal_options {
+  int64_t struct_size; /* sizeof(ulna_journal_options) */
+  int64_t rows;        /* of the study */
+  int64_t outputs;     /* numbers of a row; 0: 1 */
+  double sync_s;       /* of appended records, at most so late; 0: 1 s; < 0: every record */
+} ulna_journal_options;
+
+/** What a journal holds.
+ * @since 0.1 */
+typedef struct ulna_journal_info {
+  int64_t struct_size;   /* set by the caller to sizeof(ulna_journal_info) */
+  int64_t rows;          /* of the study */
+  int64_t outputs;       /* numbers of a row */
+  int64_t records;       /* good ones, of all writers */
+  int64_t damaged_bytes; /* that were skipped when it was opened */
+  char hash[72];         /* SHA-256 of the plan, in hexadecimal */
+} ulna_journal_info;
+
+/** Opens the journal in a folder, making both when there are none, and reads what all writers have
+ * done. plan: any text that names all that the results depend on; another plan in the folder is an
+ * error. writer: name of the own file, which one process at a time may open; NULL: only to read.
+ * @thread any
+ * @since 0.1 */
+ULNA_API ulna_status ulna_journal_open(const char *folder, const char *plan, const char *writer,
+                                       const ulna_journal_options *options,
+                                       ulna_journal **out_journal);
+
+/** Syncs, closes and frees a journal; NULL is allowed.
+ * @thread exclusive journal
+ * @since 0.1 */
+ULNA_API void ulna_journal_free(ulna_journal *journal);
+
+/** Adds the result of a row, in one write: a process that is killed afterwards has not lost it.
+ * values: outputs numbers; message: may be NULL. A row that is done already must have the same
+ * result, bit for bit.
+ * @thread shared journal
+ * @since 0.1 */
+ULNA_API ulna_status ulna_journal_append(ulna_journal *journal, int64_t row, int32_t status,
+                                         double wall_s, const double *values, const char *message);
+
+/** Waits until all records are on the disk.
+ * @thread shared journal
+ * @since 0.1 */
+ULNA_API ulna_status ulna_journal_sync(ulna_journal *journal);
+
+/** What the journal holds.
+ * @thread shared journal
+ * @since 0.1 */
+ULNA_API ulna_status ulna_journal_get_info(const ulna_journal *journal,
+                                           ulna_journal_info *out_info);
+
+/** Status of each row, ULNA_ROW_....
+ * @thread shared journal
+ * @since 0.1 */
+ULNA_API ulna_status ulna_journal_get_status(const ulna_journal *journal, int32_t *out,
+                                             int64_t capacity, int64_t *out_count);
+
+/** Time of each run, s; NaN where there is none.
+ * @thread shared journal
+ * @since 0.1 */
+ULNA_API ulna_status ulna_journal_get_times(const ulna_journal *journal, double *out,
+                                            int64_t capacity, int64_t *out_count);
+
+/** Outputs, rows x outputs, row after row; NaN where there are none.
+ * @thread shared journal
+ * @since 0.1 */
+ULNA_API ulna_status ulna_journal_get_values(const ulna_journal *journal, double *out,
+                                             int64_t capacity, int64_t *out_count);
+
+/** Message of a row, perhaps empty.
+ * @thread shared journal
+ * @since 0.1 */
+ULNA_API ulna_status ulna_journal_get_message(const ulna_journal *journal, int64_t row,
+                                              char *out_text, int64_t capacity, int64_t *out_size);
+
 #ifdef __cplusplus
 }
 #endif

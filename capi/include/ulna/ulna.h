@@ -5,6 +5,7 @@
 
 #include <ulna/base.h>
 #include <ulna/design.h>
+#include <ulna/exo.h>
 #include <ulna/frf.h>
 #include <ulna/ident.h>
 #include <ulna/impedance.h>

@@ -21,27 +21,27 @@ struct QuantityInfo {
   std::size_t size;
 };
 
-QuantityInfo info_of(Quantity quantity) {
+QuantityInfo info_of(ModelQuantity quantity) {
   switch (quantity) {
-    case Quantity::kMass:
+    case ModelQuantity::kMass:
       return {"mass", Part::kBody, 1};
-    case Quantity::kInertia:
+    case ModelQuantity::kInertia:
       return {"inertia", Part::kBody, 9};
-    case Quantity::kBodyPosition:
+    case ModelQuantity::kBodyPosition:
       return {"position", Part::kBody, 3};
-    case Quantity::kSitePosition:
+    case ModelQuantity::kSitePosition:
       return {"position", Part::kSite, 3};
-    case Quantity::kJointDamping:
+    case ModelQuantity::kJointDamping:
       return {"damping", Part::kJoint, 1};
-    case Quantity::kJointFriction:
+    case ModelQuantity::kJointFriction:
       return {"friction", Part::kJoint, 1};
-    case Quantity::kLengthRange:
+    case ModelQuantity::kLengthRange:
       return {"length range", Part::kActuator, 2};
-    case Quantity::kMuscle:
+    case ModelQuantity::kMuscle:
       return {"muscle", Part::kActuator, 3};
-    case Quantity::kReference:
+    case ModelQuantity::kReference:
       return {"reference", Part::kEquality, 2};
-    case Quantity::kImpedance:
+    case ModelQuantity::kImpedance:
       return {"impedance", Part::kEquality, 5};
   }
   throw Error(Fault::kArgument, "quantity", "quantity is none of those that can be changed");
@@ -83,20 +83,20 @@ void check_values(const Change& change, const QuantityInfo& info) {
              "takes " + std::to_string(info.size) + " numbers, not " + std::to_string(v.size()));
   for (const double x : v) check.that(std::isfinite(x), "holds a number that is not finite");
   switch (change.quantity) {
-    case Quantity::kMass:
+    case ModelQuantity::kMass:
       check.that(v[0] > 0.0, "must be positive");
       break;
-    case Quantity::kInertia:
+    case ModelQuantity::kInertia:
       check_moments(v.data() + 3, check);
       break;
-    case Quantity::kJointDamping:
-    case Quantity::kJointFriction:
+    case ModelQuantity::kJointDamping:
+    case ModelQuantity::kJointFriction:
       check.that(v[0] >= 0.0, "must not be negative");
       break;
-    case Quantity::kLengthRange:
+    case ModelQuantity::kLengthRange:
       check.that(0.0 < v[0] && v[0] < v[1], "must be two positive numbers, the shorter first");
       break;
-    case Quantity::kMuscle:
+    case ModelQuantity::kMuscle:
       check.that(v[0] > 0.0, "must have a positive peak force");
       check.that(0.0 <= v[1] && v[1] < v[2], "must have a range of two numbers, the shorter first");
       break;
@@ -147,15 +147,16 @@ Index joint_velocity(const mjModel& m, Index joint, const Checker& check) {
 }
 
 void check_kind(const mjModel& m, const Change& change, Index i, const Checker& check) {
-  const Quantity q = change.quantity;
-  if (q == Quantity::kMuscle) {
+  const ModelQuantity q = change.quantity;
+  if (q == ModelQuantity::kMuscle) {
     check.that(m.actuator_gaintype[i] == mjGAIN_MUSCLE && m.actuator_biastype[i] == mjBIAS_MUSCLE,
                "cannot be changed: the actuator is no muscle");
   }
-  if (q == Quantity::kMass || q == Quantity::kInertia || q == Quantity::kBodyPosition) {
+  if (q == ModelQuantity::kMass || q == ModelQuantity::kInertia ||
+      q == ModelQuantity::kBodyPosition) {
     check.that(i > 0, "cannot be changed: it is the world");
   }
-  for (int e = 0; q == Quantity::kBodyPosition && e < m.neq; ++e) {
+  for (int e = 0; q == ModelQuantity::kBodyPosition && e < m.neq; ++e) {
     if (m.eq_type[e] != mjEQ_WELD) continue;
     throw Error(
         Fault::kUnsupported, "position",
@@ -170,34 +171,34 @@ void apply(mjModel& m, const Change& change, Index i, const Checker& check) {
   const double* v = change.values.data();
   check_kind(m, change, i, check);
   switch (change.quantity) {
-    case Quantity::kMass:
+    case ModelQuantity::kMass:
       m.body_mass[i] = v[0];
       break;
-    case Quantity::kInertia:
+    case ModelQuantity::kInertia:
       set_inertia(m, i, v);
       break;
-    case Quantity::kBodyPosition:
+    case ModelQuantity::kBodyPosition:
       mju_copy3(m.body_pos + 3 * i, v);
       break;
-    case Quantity::kSitePosition:
+    case ModelQuantity::kSitePosition:
       set_site(m, i, v);
       break;
-    case Quantity::kJointDamping:
+    case ModelQuantity::kJointDamping:
       m.dof_damping[joint_velocity(m, i, check)] = v[0];
       break;
-    case Quantity::kJointFriction:
+    case ModelQuantity::kJointFriction:
       m.dof_frictionloss[joint_velocity(m, i, check)] = v[0];
       break;
-    case Quantity::kLengthRange:
+    case ModelQuantity::kLengthRange:
       mju_copy(m.actuator_lengthrange + 2 * i, v, 2);
       break;
-    case Quantity::kMuscle:
+    case ModelQuantity::kMuscle:
       set_muscle(m, i, v);
       break;
-    case Quantity::kReference:
+    case ModelQuantity::kReference:
       mju_copy(m.eq_solref + mjNREF * i, v, mjNREF);
       break;
-    case Quantity::kImpedance:
+    case ModelQuantity::kImpedance:
       mju_copy(m.eq_solimp + mjNIMP * i, v, mjNIMP);
       break;
   }
@@ -278,31 +279,31 @@ std::vector<double> slice(const double* values, Index index, Index size) {
 
 }  // namespace
 
-std::vector<double> EngineModel::values(Quantity quantity, const std::string& name) const {
+std::vector<double> EngineModel::values(ModelQuantity quantity, const std::string& name) const {
   const mjModel& m = *model_;
   const Index i = at(info_of(quantity).part, name);
   switch (quantity) {
-    case Quantity::kMass:
+    case ModelQuantity::kMass:
       return {m.body_mass[i]};
-    case Quantity::kInertia:
+    case ModelQuantity::kInertia:
       return inertia_of(m, i);
-    case Quantity::kBodyPosition:
+    case ModelQuantity::kBodyPosition:
       return slice(m.body_pos, i, 3);
-    case Quantity::kSitePosition:
+    case ModelQuantity::kSitePosition:
       return slice(m.site_pos, i, 3);
-    case Quantity::kJointDamping:
+    case ModelQuantity::kJointDamping:
       return {m.dof_damping[velocity_of(name)]};
-    case Quantity::kJointFriction:
+    case ModelQuantity::kJointFriction:
       return {m.dof_frictionloss[velocity_of(name)]};
-    case Quantity::kLengthRange:
+    case ModelQuantity::kLengthRange:
       return slice(m.actuator_lengthrange, i, 2);
-    case Quantity::kMuscle: {
+    case ModelQuantity::kMuscle: {
       const double* prm = m.actuator_gainprm + mjNGAIN * i;
       return {prm[2], prm[0], prm[1]};
     }
-    case Quantity::kReference:
+    case ModelQuantity::kReference:
       return slice(m.eq_solref, i, mjNREF);
-    case Quantity::kImpedance:
+    case ModelQuantity::kImpedance:
       return slice(m.eq_solimp, i, mjNIMP);
   }
   return {};

@@ -8,7 +8,6 @@
 #include <cmath>
 #include <cstring>
 #include <filesystem>
-#include <limits>
 #include <mutex>
 
 #include "base/error.hpp"
@@ -279,7 +278,6 @@ Vector EngineModel::reference() const {
 }
 
 Matrix EngineModel::joint_range() const {
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
   Matrix range(model_->njnt, 2);
   for (Index j = 0; j < model_->njnt; ++j) {
     range(j, 0) = model_->jnt_limited[j] != 0 ? model_->jnt_range[2 * j] : -kInfinity;

@@ -23,7 +23,7 @@ struct EngineRoom {
 };
 
 // What can be changed in a compiled model. The names are of parts of the model; units SI.
-enum class Quantity {
+enum class ModelQuantity {
   kMass,           // body; kg; inertia stays as it is
   kInertia,        // body; centre of mass x y z (m), then xx yy zz xy xz yz about it, body axes
   kBodyPosition,   // body; x y z in the parent, m
@@ -37,7 +37,7 @@ enum class Quantity {
 };
 
 struct Change {
-  Quantity quantity;
+  ModelQuantity quantity;
   std::string name;
   std::vector<double> values;
 };
@@ -62,7 +62,7 @@ class EngineModel {
   EngineModel changed(const std::vector<Change>& changes) const;
 
   // The numbers that a change would replace.
-  std::vector<double> values(Quantity quantity, const std::string& name) const;
+  std::vector<double> values(ModelQuantity quantity, const std::string& name) const;
 
   Index count(Part part) const;
   Index find(Part part, const std::string& name) const;  // -1 where there is none

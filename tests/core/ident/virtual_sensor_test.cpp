@@ -190,8 +190,7 @@ TEST(VirtualSensor, NoisyEndsAreLeftOut) {
   made.angle_noise = 1e-5;
   const MadeLog log = make_robot_log(made);
   const VirtualForce force = sense_force(*log.record, CapstanRobot(), {});
-  const Matrix miss =
-      force.record.values().middleCols(2, 2) - truth_at(log, force.record);
+  const Matrix miss = force.record.values().middleCols(2, 2) - truth_at(log, force.record);
   // Noise of 20 mN inside; at the ends the same, not newtons.
   EXPECT_LT(miss.cwiseAbs().maxCoeff(), 0.3);
 }

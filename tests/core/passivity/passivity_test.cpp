@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <limits>
 
 #include "../impedance/made_record.hpp"
 #include "base/error.hpp"
@@ -12,8 +11,6 @@
 
 namespace ulna {
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 TEST(Model, ExcessOfTheRelaxedArms) {
   static constexpr double kExcess[] = {4.924, 4.361, 4.236, 3.162, 4.010, 2.839};

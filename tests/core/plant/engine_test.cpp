@@ -153,17 +153,17 @@ TEST(Engine, ChangedModelEqualsARecompiledOne) {
   std::vector<double> inertia = n.com;
   inertia.insert(inertia.end(), n.inertia.begin(), n.inertia.end());
   const EngineModel changed = model.changed({
-      {Quantity::kMass, "first", {n.mass}},
-      {Quantity::kInertia, "first", inertia},
-      {Quantity::kBodyPosition, "second", n.fore},
-      {Quantity::kSitePosition, "insertion", n.site},
-      {Quantity::kLengthRange, "biceps", n.length},
-      {Quantity::kMuscle, "biceps", n.muscle},
-      {Quantity::kReference, "coupling", n.reference},
-      {Quantity::kJointDamping, "shoulder", {n.damping}},
-      {Quantity::kJointDamping, "elbow", {n.damping}},
-      {Quantity::kJointFriction, "shoulder", {n.friction}},
-      {Quantity::kJointFriction, "elbow", {n.friction}},
+      {ModelQuantity::kMass, "first", {n.mass}},
+      {ModelQuantity::kInertia, "first", inertia},
+      {ModelQuantity::kBodyPosition, "second", n.fore},
+      {ModelQuantity::kSitePosition, "insertion", n.site},
+      {ModelQuantity::kLengthRange, "biceps", n.length},
+      {ModelQuantity::kMuscle, "biceps", n.muscle},
+      {ModelQuantity::kReference, "coupling", n.reference},
+      {ModelQuantity::kJointDamping, "shoulder", {n.damping}},
+      {ModelQuantity::kJointDamping, "elbow", {n.damping}},
+      {ModelQuantity::kJointFriction, "shoulder", {n.friction}},
+      {ModelQuantity::kJointFriction, "elbow", {n.friction}},
   });
   const EngineModel recompiled = EngineModel::from_text(two_links(n));
   for (const ArrayDifference& d : changed.differences(recompiled)) {
@@ -189,8 +189,8 @@ TEST(Engine, ChangesThatVanishKeepTheFramesRight) {
     return all;
   };
   const auto move = [&](const EngineModel& from, const Numbers& to) {
-    return from.changed({{Quantity::kInertia, "first", inertia(to)},
-                         {Quantity::kSitePosition, "insertion", to.site}});
+    return from.changed({{ModelQuantity::kInertia, "first", inertia(to)},
+                         {ModelQuantity::kSitePosition, "insertion", to.site}});
   };
   for (const ArrayDifference& d : move(away, at_origin).differences(origin)) {
     EXPECT_LT(d.difference, 1e-14) << d.array;
@@ -202,15 +202,17 @@ TEST(Engine, ChangesThatVanishKeepTheFramesRight) {
 
 TEST(Engine, ValuesAreWhatAChangeWrites) {
   const EngineModel model = EngineModel::from_text(two_links());
-  for (const Quantity quantity : {Quantity::kMass, Quantity::kInertia, Quantity::kBodyPosition}) {
+  for (const ModelQuantity quantity :
+       {ModelQuantity::kMass, ModelQuantity::kInertia, ModelQuantity::kBodyPosition}) {
     const auto values = model.values(quantity, "second");
     for (const ArrayDifference& d :
          model.changed({{quantity, "second", values}}).differences(model)) {
       EXPECT_LT(d.difference, 1e-14) << d.array;
     }
   }
-  EXPECT_EQ(model.values(Quantity::kMuscle, "biceps"), (std::vector<double>{300.0, 0.7, 1.1}));
-  EXPECT_EQ(model.values(Quantity::kReference, "coupling"), (std::vector<double>{-500.0, -30.0}));
+  EXPECT_EQ(model.values(ModelQuantity::kMuscle, "biceps"), (std::vector<double>{300.0, 0.7, 1.1}));
+  EXPECT_EQ(model.values(ModelQuantity::kReference, "coupling"),
+            (std::vector<double>{-500.0, -30.0}));
 }
 
 template <class Call>
@@ -232,23 +234,24 @@ void expect_words(const Error& error, Fault fault, const std::string& words) {
 
 TEST(Engine, ImpossibleChangesNameThePart) {
   const EngineModel m = EngineModel::from_text(two_links());
-  const auto refused = [&](Quantity q, const std::string& name, std::vector<double> values,
+  const auto refused = [&](ModelQuantity q, const std::string& name, std::vector<double> values,
                            const std::string& words) {
     expect_words(error_of([&] {
                    m.changed({{q, name, std::move(values)}});
                  }),
                  Fault::kArgument, words);
   };
-  refused(Quantity::kMass, "first", {-1.0}, "the mass of body 'first' must be positive");
-  refused(Quantity::kMass, "first", {kNan}, "not finite");
-  refused(Quantity::kMass, "first", {1.0, 2.0}, "takes 1 numbers, not 2");
-  refused(Quantity::kMass, "third", {1.0}, "there is no body 'third'; the names are: world, first");
-  refused(Quantity::kMass, "world", {1.0}, "it is the world");
-  refused(Quantity::kInertia, "first", {0, 0, 0, 1, 1, 3, 0, 0, 0}, "triangle inequality");
-  refused(Quantity::kInertia, "first", {0, 0, 0, 1, 1, 1, 2, 0, 0}, "not positive");
-  refused(Quantity::kLengthRange, "biceps", {0.3, 0.2}, "the shorter first");
-  refused(Quantity::kMuscle, "biceps", {-1.0, 0.7, 1.0}, "positive peak force");
-  refused(Quantity::kJointFriction, "elbow", {-1.0}, "must not be negative");
+  refused(ModelQuantity::kMass, "first", {-1.0}, "the mass of body 'first' must be positive");
+  refused(ModelQuantity::kMass, "first", {kNan}, "not finite");
+  refused(ModelQuantity::kMass, "first", {1.0, 2.0}, "takes 1 numbers, not 2");
+  refused(ModelQuantity::kMass, "third", {1.0},
+          "there is no body 'third'; the names are: world, first");
+  refused(ModelQuantity::kMass, "world", {1.0}, "it is the world");
+  refused(ModelQuantity::kInertia, "first", {0, 0, 0, 1, 1, 3, 0, 0, 0}, "triangle inequality");
+  refused(ModelQuantity::kInertia, "first", {0, 0, 0, 1, 1, 1, 2, 0, 0}, "not positive");
+  refused(ModelQuantity::kLengthRange, "biceps", {0.3, 0.2}, "the shorter first");
+  refused(ModelQuantity::kMuscle, "biceps", {-1.0, 0.7, 1.0}, "positive peak force");
+  refused(ModelQuantity::kJointFriction, "elbow", {-1.0}, "must not be negative");
 }
 
 TEST(Engine, ScenesThatDoNotCompileSaySoInOneSentence) {

@@ -202,7 +202,7 @@ TEST(Exo, StartsThatCannotBeReachedAreRefused) {
   start[3] = kNan;
   expect_sentence([&] { plant.check_start(start); }, "joint 'J4' is not finite");
   expect_sentence([&] { plant.check_start(Vector::Zero(3)); }, "3 numbers, 4 are expected");
-  EXPECT_THROW(ExoPlant(plant.changed({{Quantity::kMass, "Link1", {7.0}}})).nominal(), Error);
+  EXPECT_THROW(ExoPlant(plant.changed({{ModelQuantity::kMass, "Link1", {7.0}}})).nominal(), Error);
 }
 
 struct Isometric {
@@ -364,7 +364,7 @@ TEST(Exo, ShoulderMusclesArePartOfAScene) {
   const ExoPlant plant(scene);
   EXPECT_EQ(plant.model().count(Part::kActuator), 23);
   for (const Muscle& m : scene.arm.muscles) {
-    const auto range = plant.model().values(Quantity::kLengthRange, m.name);
+    const auto range = plant.model().values(ModelQuantity::kLengthRange, m.name);
     EXPECT_GT(range[1] - range[0], 1e-3) << m.name;
     EXPECT_GT(range[0], 0.005) << m.name;
   }
@@ -379,8 +379,8 @@ TEST(Exo, ChangedScenesEqualRecompiledOnes) {
   const ExoPlant recompiled(scene);
   const auto range = scene.arm.muscles[6].range;
   const ExoPlant changed =
-      plant.changed({{Quantity::kMass, "Link4", {0.6}},
-                     {Quantity::kMuscle, "brachialis", {800.0, range[0], range[1]}}});
+      plant.changed({{ModelQuantity::kMass, "Link4", {0.6}},
+                     {ModelQuantity::kMuscle, "brachialis", {800.0, range[0], range[1]}}});
   for (const ArrayDifference& d : changed.model().differences(recompiled.model())) {
     EXPECT_LT(d.difference, 1e-14) << d.array;
   }

@@ -262,9 +262,9 @@ TEST(Multisine, DerivativesAndStart) {
     EXPECT_NEAR(e.value(0, a), 0.0, 1e-14);  // it starts where the robot is
     const Vector v = e.value.col(a);
     const Vector r = e.rate.col(a);
-    // Simpson's rule over two samples: error h^4 w^4 / 90 of the slope.
+    // Simpson's rule over two samples errs by h^5 / 90 of the fifth derivative: 1e-9 here.
     for (Index i = 1; i + 1 < rows; ++i) {
-      EXPECT_NEAR(v[i + 1] - v[i - 1], h / 3.0 * (r[i - 1] + 4.0 * r[i] + r[i + 1]), 1e-11);
+      EXPECT_NEAR(v[i + 1] - v[i - 1], h / 3.0 * (r[i - 1] + 4.0 * r[i] + r[i + 1]), 1e-9);
     }
     double sum = 0.0;
     for (const Line& line : e.lines) {
@@ -398,7 +398,9 @@ TEST(Steps, RangesOrderAndDirections) {
           1e-14);
       ++count[static_cast<std::size_t>(event.direction)];
       // The first half holds every direction once, so that it identifies as well as all.
-      if (i == 7) EXPECT_EQ(count, std::vector<int>(8, 1));
+      if (i == 7) {
+        EXPECT_EQ(count, std::vector<int>(8, 1));
+      }
     }
     EXPECT_EQ(count, std::vector<int>(8, 2));
   }
@@ -427,7 +429,8 @@ TEST(Steps, TheReferenceIsTheFilteredStepThenRest) {
                           .norm()
                           .maxCoeff();
   EXPECT_LT(jump, 1.01 * e.rate.rowwise().norm().maxCoeff() / 1000.0);
-  EXPECT_NEAR(e.value.rowwise().norm().maxCoeff(), 0.005 * 1.729248, 1e-8);
+  // The samples miss the peak by at most half a millisecond: w^2 0.73 (h / 2)^2 / 2 of the size.
+  EXPECT_NEAR(e.value.rowwise().norm().maxCoeff(), 0.005 * 1.729248, 1.1e-7);
   EXPECT_EQ(e.value.bottomRows(999).cwiseAbs().maxCoeff(), 0.0);
   ASSERT_EQ(e.notes.size(), 2u);
   EXPECT_NE(e.notes[0].find("overshoots by 72.92 %, 0.2105 s"), std::string::npos) << e.notes[0];

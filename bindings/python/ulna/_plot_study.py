@@ -1,0 +1,253 @@
+"""Figures of studies: indices, elementary effects, convergence, outputs, failures."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ._figure import AMBER, BLUE, GREEN, GREY, INK, ORANGE, PINK, SKY, WIDTH_IN, axes_grid, style
+from .record import refuse
+
+if TYPE_CHECKING:
+    from ._study_indices import Convergence, Screening, SobolIndices
+    from .study import Runs
+
+_COLOURS = (BLUE, ORANGE, GREEN, PINK, AMBER, SKY)
+_MARKERS = ("o", "s", "D", "^", "v", "P")
+_LABELLED = 12  # factors that a legend can hold; of more the most important ones
+_TITLES = {
+    "first": "First-order index",
+    "total": "Total-order index",
+    "mu_star": "Mean magnitude µ* of the effects",
+    "sigma": "Standard deviation σ of the effects",
+}
+
+
+def _look(i: int) -> dict[str, Any]:
+    return {"color": _COLOURS[i % 6], "marker": _MARKERS[(i // 6 + i) % 6]}
+
+
+def _shown(names: tuple[str, ...], size: np.ndarray) -> list[int]:
+    """Places of the factors that get a name, the most important first when there are many."""
+    if len(names) <= _LABELLED:
+        return list(range(len(names)))
+    return sorted(np.argsort(-np.nan_to_num(size), kind="stable")[:_LABELLED].tolist())
+
+
+def _errors(value: np.ndarray, interval: np.ndarray) -> np.ndarray | None:
+    if np.isnan(interval).any():
+        return None
+    return np.abs(interval.T - value)
+
+
+def _level(level: float) -> str:
+    return f"{100 * level:g} %"
+
+
+def sobol_indices(result: SobolIndices, axes: Any = None) -> Any:
+    """First- and total-order indices side by side, with their intervals; returns the two axes."""
+    with style():
+        height = max(2.4, 0.9 + 0.22 * len(result.names))
+        given = axes_grid(axes, 1, 2, (WIDTH_IN, height), sharey=True)[0]
+        rows = np.arange(len(result.names))
+        for ax, kind, colour in zip(given, ("first", "total"), (BLUE, ORANGE), strict=True):
+            value = getattr(result, kind)
+            ax.barh(rows, np.nan_to_num(value), height=0.62, color=colour, alpha=0.35, zorder=2)
+            ax.errorbar(
+                value,
+                rows,
+                xerr=_errors(value, result.intervals[kind]),
+                fmt="o",
+                color=colour,
+                ecolor=INK,
+                elinewidth=1.0,
+                capsize=2.5,
+                markersize=4,
+                zorder=3,
+            )
+            ax.axvline(0.0, color=INK, linewidth=0.7)
+            if result.outcome == "constant":
+                ax.text(
+                    0.5, 0.5, "the output does not vary", transform=ax.transAxes, ha="center"
+                )
+            with np.errstate(invalid="ignore"):
+                total = f", sum {value.sum():.2f}" if np.isfinite(value).all() else ""
+            ax.set_title(_TITLES[kind] + total)
+            bars = "" if result.interval == "none" else f"; bars: {_level(result.level)} interval"
+            ax.set_xlabel("share of the variance" + bars)
+            ax.grid(False, axis="y")
+        given[0].set_yticks(rows, result.names)
+        given[0].set_ylim(len(rows) - 0.45, -0.55)
+        return given
+
+
+def screening(result: Screening, ax: Any = None) -> Any:
+    """µ* and σ of every factor, with their intervals; returns the axes."""
+    with style():
+        (ax,) = axes_grid(ax, 1, 1, (WIDTH_IN * 0.75, 3.9))[0]
+        spread = result.sigma if np.isfinite(result.sigma).all() else np.zeros_like(result.mu_star)
+        shown = _shown(result.names, result.mu_star)
+        for i, name in enumerate(result.names):
+            x, y = result.mu_star[i], spread[i]
+            look = _look(shown.index(i)) if i in shown else {"color": GREY, "marker": "."}
+            box = result.intervals["mu_star"][i]
+            tall = result.intervals["sigma"][i]
+            ax.errorbar(
+                x,
+                y,
+                xerr=None if np.isnan(box).any() else np.abs(box - x)[:, None],
+                yerr=None if np.isnan(tall).any() else np.abs(tall - y)[:, None],
+                fmt=look["marker"],
+                color=look["color"],
+                elinewidth=0.9,
+                capsize=2,
+                markersize=5.5,
+                label=name if i in shown else None,
+            )
+        top = float(np.nanmax(np.append(result.intervals["mu_star"][:, 1], result.mu_star)))
+        high = float(np.nanmax(np.append(result.intervals["sigma"][:, 1], spread)))
+        reach = min(top, high) if high > 0 else 0.0
+        if reach > 0:
+            # Above this line the effect of a factor changes its sign or size with the others.
+            ax.plot([0, reach], [0, reach], color=GREY, linestyle=":", zorder=1, label="σ = µ*")
+        ax.set_xlim(left=0.0)
+        ax.set_ylim(bottom=0.0)
+        bars = "" if result.interval == "none" else f" (bars: {_level(result.level)} intervals)"
+        ax.set_title(f"Elementary effects of {result.output}")
+        ax.set_xlabel(f"mean magnitude µ*, per unit of quantile{bars}")
+        ax.set_ylabel("standard deviation σ")
+        ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
+        return ax
+
+
+def convergence(result: Convergence, axes: Any = None) -> Any:
+    """Indices over the number of runs, one panel a kind; returns the axes."""
+    with style():
+        kinds = list(result.values)
+        given = axes_grid(axes, 1, len(kinds), (WIDTH_IN, 3.0))[0]
+        shown = _shown(result.names, result.values[kinds[-1]][-1])
+        for ax, kind in zip(given, kinds, strict=True):
+            for place, i in enumerate(shown):
+                look = _look(place)
+                value = result.values[kind][:, i]
+                ax.plot(
+                    result.runs, value, markersize=4, label=result.names[i], **look
+                )
+                low, high = result.low[kind][:, i], result.high[kind][:, i]
+                if np.isfinite(low).any():
+                    ax.fill_between(
+                        result.runs, low, high, color=look["color"], alpha=0.15, linewidth=0
+                    )
+            ax.axhline(0.0, color=INK, linewidth=0.7)
+            ax.set_title(_TITLES[kind])
+            if result.runs[-1] > 8 * result.runs[0]:
+                ax.set_xscale("log")
+            ax.set_xlabel(f"runs ({result.subset} of the study)")
+        given[0].set_ylabel(f"index; band: {_level(result.level)} interval")
+        given[-1].legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
+        return given
+
+
+def _good(runs: Runs, output: str | None) -> tuple[np.ndarray, np.ndarray, str]:
+    """Rows of the plain sample whose run is good, their output, its name."""
+    y = runs.output(output)
+    rows = runs.base_rows()
+    rows = rows[(runs.status[rows] == 0) & np.isfinite(y[rows])]
+    if rows.size < 2:
+        raise refuse("fewer than two good runs: there is nothing to draw", "runs")
+    return rows, y[rows], runs.outputs[runs._place(output)]
+
+
+def output_density(runs: Runs, ax: Any = None, *, output: str | None = None) -> Any:
+    """Histogram of an output over the factors' uncertainty, its mean and 90 % of it."""
+    _, y, name = _good(runs, output)
+    with style():
+        (ax,) = axes_grid(ax, 1, 1, (WIDTH_IN * 0.7, 2.9))[0]
+        bins = int(np.clip(np.sqrt(y.size), 10, 60)) if np.ptp(y) > 0 else 1
+        ax.hist(y, bins=bins, density=True, color=BLUE, alpha=0.45, label=f"{y.size} runs")
+        low, mean, high = np.quantile(y, 0.05), y.mean(), np.quantile(y, 0.95)
+        ax.axvline(mean, color=ORANGE, label=f"mean {mean:.3g}")
+        for edge, label in ((low, f"5 to 95 %: {low:.3g} to {high:.3g}"), (high, None)):
+            ax.axvline(edge, color=INK, linestyle="--", linewidth=0.9, label=label)
+        ax.set_title(f"Distribution of {name}")
+        ax.set_xlabel(name)
+        ax.set_ylabel("probability density")
+        ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
+        return ax
+
+
+def output_scatter(runs: Runs, axes: Any = None, *, output: str | None = None) -> Any:
+    """An output over each factor, with the mean over twenty slices; returns the axes."""
+    rows, y, name = _good(runs, output)
+    factors = runs.design.factors
+    columns = min(3, len(factors))
+    lines = -(-len(factors) // columns)
+    with style():
+        given = axes_grid(axes, lines, columns, (WIDTH_IN, 2.1 * lines + 0.3), sharey=True)
+        unit = runs.design.unit()[rows]
+        thin = max(1, rows.size // 4000)
+        for i, (factor, distribution) in enumerate(factors.items()):
+            ax = given.flat[i]
+            x = distribution.quantile(unit[:, i])
+            ax.plot(
+                x[::thin], y[::thin], ".", color=BLUE, markersize=2, alpha=0.5, rasterized=True
+            )
+            slices = np.array_split(np.argsort(unit[:, i], kind="stable"), min(20, rows.size // 5 or 1))
+            ax.plot(
+                [x[s].mean() for s in slices],
+                [y[s].mean() for s in slices],
+                color=ORANGE,
+                linewidth=1.8,
+                label="mean of a slice",
+            )
+            ax.set_xlabel(factor)
+            if i % columns == 0:
+                ax.set_ylabel(name)
+        for ax in given.flat[len(factors) :]:
+            ax.set_visible(False)
+        given.flat[0].legend(loc="best")
+        return given
+
+
+def failure_map(runs: Runs, axes: Any = None) -> Any:
+    """Failed runs among good ones, for the pairs of the three factors they depend on most."""
+    design = runs.design
+    if not design.has_points:
+        raise refuse("a map needs the values of the factors: read_outputs(y, x=...)", "x")
+    failed = np.zeros(len(runs.y), dtype=bool)
+    failed[runs.failed] = True
+    unit = design.unit()
+    names = list(design.factors)
+    # How far the failed runs' mean is from the middle of what was run, in standard errors.
+    if failed.any() and not failed.all():
+        shift = np.abs(unit[failed].mean(0) - unit[~failed].mean(0))
+    else:
+        shift = np.zeros(len(names))
+    chosen = sorted(np.argsort(-shift, kind="stable")[:3].tolist())
+    pairs = list(combinations(chosen, 2)) or [(chosen[0], chosen[0])]
+    with style():
+        given = axes_grid(axes, 1, len(pairs), (WIDTH_IN, WIDTH_IN / max(2, len(pairs)) + 0.6))[0]
+        good = np.flatnonzero(~failed)
+        good = good[:: max(1, good.size // 3000)]
+        values = {i: design.factors[names[i]].quantile(unit[:, i]) for i in chosen}
+        for ax, (i, j) in zip(given, pairs, strict=True):
+            ax.plot(
+                values[i][good], values[j][good], ".", color=SKY, markersize=2.5, label="good"
+            )
+            ax.plot(
+                values[i][failed],
+                values[j][failed],
+                "x",
+                color=ORANGE,
+                markersize=4,
+                markeredgewidth=1.0,
+                label=f"failed, {int(failed.sum())} of {failed.size}",
+            )
+            ax.set_xlabel(names[i])
+            ax.set_ylabel(names[j])
+            ax.grid(False)
+        given[0].set_title("Where runs failed")
+        given[-1].legend(loc="upper center", bbox_to_anchor=(0.5, -0.22), ncols=2, markerscale=1.5)
+        return given

@@ -1,0 +1,626 @@
+"""Which uncertainty matters: sensitivity studies of any function.
+
+>>> import ulna
+>>> study = ulna.Study(
+...     factors={"a": ulna.Uniform(0.0, 1.0), "b": ulna.Uniform(0.0, 1.0)},
+...     function=lambda a, b: 2.0 * a + b,
+... )
+>>> indices = study.sobol(n=256, seed=1)
+>>> [round(float(share), 1) for share in indices.first]
+[0.8, 0.2]
+"""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ._factors import (
+    Discrete,
+    Factor,
+    LogUniform,
+    Normal,
+    Triangular,
+    TruncatedNormal,
+    Uniform,
+    check_factors,
+)
+from ._study_design import StudyDesign, one_of
+from ._study_indices import (
+    ON_FAILURE,
+    Convergence,
+    FailureReport,
+    Screening,
+    SobolIndices,
+    analyse,
+)
+from ._study_journal import StudyJournal, plan_of
+from ._study_run import Runner, RunFailed
+from ._study_salib import GivenData, factors_of_problem, given_data, problem_of
+from .record import refuse
+
+__all__ = [
+    "Convergence",
+    "Discrete",
+    "Factor",
+    "FailureReport",
+    "GivenData",
+    "LogUniform",
+    "Normal",
+    "RunFailed",
+    "Runs",
+    "Screening",
+    "SobolIndices",
+    "Study",
+    "StudyDesign",
+    "StudyJournal",
+    "Triangular",
+    "TruncatedNormal",
+    "Uniform",
+]
+
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """Outputs of a design's runs, one row each.
+
+    Attributes
+    ----------
+    design : StudyDesign
+    y : ndarray, shape (rows, outputs)
+        NaN where a run failed.
+    status : ndarray of int
+        0 for a good run, else a place in `STATUSES`.
+    wall_s : ndarray
+        Time of each run, s; NaN when it is not known.
+    outputs : tuple of str
+    messages : dict of int to str
+        Why rows failed.
+    """
+
+    design: StudyDesign
+    y: np.ndarray = field(repr=False)
+    status: np.ndarray = field(repr=False)
+    wall_s: np.ndarray = field(repr=False)
+    outputs: tuple[str, ...] = ("y",)
+    messages: Mapping[int, str] = field(default_factory=dict, repr=False)
+
+    @property
+    def failed(self) -> np.ndarray:
+        """Rows whose run failed."""
+        return np.flatnonzero((self.status != 0) | ~np.isfinite(self.y).all(axis=1))
+
+    def output(self, name: str | None = None) -> np.ndarray:
+        """One output, (rows,); the first when no name is given."""
+        return self.y[:, self._place(name)]
+
+    def _place(self, name: str | None) -> int:
+        if name is None:
+            return 0
+        if name not in self.outputs:
+            raise refuse(f"there is no output {name!r}; there are {', '.join(self.outputs)}", "output")
+        return self.outputs.index(name)
+
+    def _analysis(self, output: str | None, effects: bool, **chosen: Any) -> Any:
+        place = self._place(output)
+        y = np.ascontiguousarray(self.y[:, place])
+
+        def again(**subset: Any) -> Any:
+            return analyse(self.design, y, self.status, effects=effects, **chosen, **subset)
+
+        analysis = again()
+        if analysis.outcome == "constant":
+            from .impedance import UncertainResult
+
+            words = "elementary effects are 0" if effects else "the indices are not defined (NaN)"
+            warnings.warn(
+                f"the output {self.outputs[place]} does not vary: {words}",
+                UncertainResult,
+                stacklevel=4,
+            )
+        return analysis, again, self.outputs[place]
+
+    def sobol(
+        self,
+        *,
+        output: str | None = None,
+        estimator: str = "default",
+        interval: str | None = None,
+        level: float = 0.9,
+        resamples: int = 1000,
+        on_failure: str = "error",
+        seed: int = 0,
+        threads: int = 0,
+    ) -> SobolIndices:
+        """Variance-based indices of a saltelli design.
+
+        Parameters
+        ----------
+        output : str, optional
+            The first one by default.
+        estimator : str
+            "default": first order of Saltelli 2010, total order of Jansen, centred. "janon",
+            "martinez". "parity": the uncentred pair of Saltelli 2008 that the SAFE toolbox computes.
+        interval : str, optional
+            "percentile" or "bca": bootstrap of whole blocks. "replicates": spread of the design's
+            replicates, the default where there are at least two. "none".
+        level : float
+            Of the intervals.
+        resamples : int
+            Of the bootstrap.
+        on_failure : str
+            "error", "drop_block", "nearest" (the nearest good run, in quantiles) or "surface" (a
+            polynomial fitted to the good runs).
+        seed : int
+            Of the bootstrap, of random subsets and of a surface's rows.
+        threads : int
+            0: one per processor. The result is the same.
+        """
+        if interval is None:
+            interval = "replicates" if self.design.replicates > 1 else "percentile"
+        analysis, again, name = self._analysis(
+            output,
+            False,
+            estimator=estimator,
+            interval=interval,
+            level=level,
+            resamples=resamples,
+            on_failure=on_failure,
+            seed=seed,
+            threads=threads,
+        )
+        value, intervals = analysis.value, dict(analysis.interval)
+        errors = dict(analysis.error)
+        second = None
+        if "second" in value:
+            count = len(self.design.names)
+            place = np.triu_indices(count, 1)
+
+            def square(pairs: np.ndarray) -> np.ndarray:
+                out = np.full((count, count, *pairs.shape[1:]), np.nan)
+                out[place] = pairs
+                out[place[1], place[0]] = pairs
+                return out
+
+            second = square(value["second"])
+            errors["second"] = square(errors["second"])
+            intervals["second"] = square(intervals["second"])
+        dummy = {
+            kind: (float(value["dummy_" + kind][0]), *intervals.pop("dummy_" + kind)[0].tolist())
+            for kind in ("first", "total")
+        }
+        for kind in ("dummy_first", "dummy_total"):
+            errors.pop(kind)
+        return SobolIndices(
+            names=self.design.names,
+            first=value["first"],
+            total=value["total"],
+            second=second,
+            intervals=intervals,
+            errors=errors,
+            dummy=dummy,
+            mean=float(value["mean"][0]),
+            variance=float(value["variance"][0]),
+            level=level,
+            estimator=estimator,
+            interval=interval,
+            blocks=analysis.blocks,
+            outcome=analysis.outcome,
+            failures=analysis.failures,
+            design=self.design,
+            output=name,
+            _again=again,
+        )
+
+    def screen(
+        self,
+        *,
+        output: str | None = None,
+        interval: str | None = None,
+        level: float = 0.9,
+        resamples: int = 1000,
+        on_failure: str = "error",
+        seed: int = 0,
+        threads: int = 0,
+    ) -> Screening:
+        """Elementary effects of a radial design or of trajectories; options as of `sobol`."""
+        if interval is None:
+            interval = "replicates" if self.design.replicates > 1 else "percentile"
+        analysis, again, name = self._analysis(
+            output,
+            True,
+            interval=interval,
+            level=level,
+            resamples=resamples,
+            on_failure=on_failure,
+            seed=seed,
+            threads=threads,
+        )
+        value = analysis.value
+        return Screening(
+            names=self.design.names,
+            mu=value["mu"],
+            mu_star=value["mu_star"],
+            sigma=value["sigma"],
+            intervals=analysis.interval,
+            errors=analysis.error,
+            mean=float(value["mean"][0]),
+            variance=float(value["variance"][0]),
+            level=level,
+            interval=interval,
+            blocks=analysis.blocks,
+            outcome=analysis.outcome,
+            failures=analysis.failures,
+            design=self.design,
+            output=name,
+            _total=value.get("total"),
+            _again=again,
+        )
+
+    def given_data(
+        self,
+        *,
+        method: str = "pawn",
+        output: str | None = None,
+        level: float = 0.9,
+        resamples: int = 100,
+        seed: int = 0,
+    ) -> GivenData:
+        """Indices from any sample, by SALib (``pip install SALib``); failed runs are left out.
+
+        Parameters
+        ----------
+        method : str
+            "pawn" (median of the Kolmogorov-Smirnov distances), "delta" (moment-independent) or
+            "rbd_fast" (first order).
+        """
+        return given_data(
+            self, method=method, output=output, level=level, resamples=resamples, seed=seed
+        )
+
+    def base_rows(self) -> np.ndarray:
+        """Rows that are a plain sample of the factors: those of A and B, or first rows of blocks."""
+        rows = np.arange(0, self.design.rows, self.design.block_rows)
+        if self.design.scheme == "saltelli":
+            rows = np.sort(np.concatenate([rows, rows + self.design.block_rows - 1]))
+        return rows
+
+    def plot_density(self, ax: Any = None, *, output: str | None = None) -> Any:
+        """Distribution of an output over the factors (needs matplotlib)."""
+        from . import plot
+
+        return plot.output_density(self, ax, output=output)
+
+    def plot_scatter(self, axes: Any = None, *, output: str | None = None) -> Any:
+        """An output over each factor (needs matplotlib)."""
+        from . import plot
+
+        return plot.output_scatter(self, axes, output=output)
+
+    def plot_failures(self, axes: Any = None) -> Any:
+        """Where runs failed, two factors at a time (needs matplotlib)."""
+        from . import plot
+
+        return plot.failure_map(self, axes)
+
+    def __repr__(self) -> str:
+        return f"<Runs of {', '.join(self.outputs)}: {len(self.y)} rows, {len(self.failed)} failed>"
+
+
+class Study:
+    """Factors with their uncertainty, and the function of them that is studied.
+
+    Parameters
+    ----------
+    factors : dict of str to Factor
+        As ``{"a": ulna.Uniform(0, 1)}``.
+    function : callable, optional
+        Called with the factors by name. Returns a number; with `outputs`, a sequence or a mapping of
+        them. It may raise `RunFailed`, or return NaN, to say that a run has no result.
+    outputs : sequence of str, optional
+        Names of several outputs.
+    groups : dict of str to str, optional
+        Group of a factor; groups move as one and have one index.
+    vectorized : bool
+        The function takes arrays, one element a run, and returns (runs,) or (runs, outputs).
+
+    Examples
+    --------
+    >>> import ulna
+    >>> study = ulna.Study(
+    ...     factors={"k": ulna.Normal(50.0, 5.0), "x": ulna.Uniform(0.0, 0.1)},
+    ...     function=lambda k, x: k * x,
+    ... )
+    >>> study.screen(r=16, seed=1).ranking
+    ('x', 'k')
+    """
+
+    def __init__(
+        self,
+        factors: Mapping[str, Factor],
+        function: Callable[..., Any] | None = None,
+        *,
+        outputs: Sequence[str] | None = None,
+        groups: Mapping[str, str] | None = None,
+        vectorized: bool = False,
+    ) -> None:
+        self.factors = check_factors(factors)
+        if function is not None and not callable(function):
+            raise refuse(f"function must be callable, got {function!r}", "function")
+        self.function = function
+        if isinstance(outputs, str):
+            raise refuse("outputs must be a sequence of names, not one text", "outputs")
+        self.outputs = ("y",) if outputs is None else tuple(outputs)
+        if not self.outputs or len(set(self.outputs)) != len(self.outputs):
+            raise refuse("outputs must be names, each once", "outputs")
+        self._scalar = outputs is None
+        self.groups = None if groups is None else dict(groups)
+        self.vectorized = vectorized
+
+    def design(self, **chosen: Any) -> StudyDesign:
+        """A design over these factors; keywords are those of `StudyDesign`."""
+        return StudyDesign(self.factors, groups=self.groups, **chosen)
+
+    def run(
+        self,
+        design: StudyDesign,
+        *,
+        on_failure: str = "error",
+        journal: str | os.PathLike[str] | None = None,
+        writer: str = "main",
+        progress: bool = False,
+    ) -> Runs:
+        """Run the function at every row of a design.
+
+        Parameters
+        ----------
+        design : StudyDesign
+        on_failure : str
+            "error" stops at the first failed run. Anything else goes on and keeps its status; the
+            analysis decides what to do about it.
+        journal : path, optional
+            A folder that keeps each result as soon as it is there. After a kill the same call goes
+            on where it stopped: rows that are done are not run again. A folder of another plan
+            (factors, design, outputs, source of the function) is refused.
+        writer : str
+            Name of the file in it, for one process at a time.
+        progress : bool
+            Show a bar (needs tqdm).
+        """
+        if self.function is None:
+            raise refuse(
+                "this study has no function: give it one, or use read_outputs", "function"
+            )
+        one_of(ON_FAILURE, on_failure, "on_failure")
+        if list(design.function_factors) != list(self.factors):
+            raise refuse("the design is one of other factors", "design")
+        kept = None
+        if journal is not None:
+            kept = StudyJournal(
+                journal,
+                plan=plan_of(design, self.outputs, self.function, self.vectorized),
+                rows=design.rows,
+                outputs=len(self.outputs),
+                writer=writer,
+            )
+        try:
+            runner = Runner(
+                self.function,
+                design,
+                self.outputs,
+                scalar=self._scalar,
+                vectorized=self.vectorized,
+                on_failure=on_failure,
+                journal=kept,
+            )
+            runner.run(progress)
+        finally:
+            if kept is not None:
+                kept.close()
+        return Runs(
+            design, runner.y, runner.status, runner.wall_s, self.outputs, runner.messages
+        )
+
+    def screen(
+        self,
+        *,
+        r: int = 64,
+        seed: int = 0,
+        scheme: str = "radial",
+        sampler: str = "latin",
+        guard: float = 0.25,
+        levels: int = 4,
+        replicates: int = 1,
+        dummy: bool = False,
+        on_failure: str = "error",
+        journal: str | os.PathLike[str] | None = None,
+        progress: bool = False,
+        **analysis: Any,
+    ) -> Screening:
+        """Elementary effects: which factors can be left alone? r (K + 1) runs.
+
+        Parameters
+        ----------
+        r : int
+            Repetitions: effects of each factor.
+        scheme : str
+            "radial" (steps from base points) or "trajectories" (Morris, on a grid).
+        sampler : str
+            Of radial base points: "latin", "sobol", "monte-carlo", or "pooled-latin" for parity.
+        guard : float
+            Smallest step in quantiles: short steps divide rounding by nearly nothing. 0 for none,
+            which makes the total index available too.
+        levels : int
+            Of the grid of trajectories.
+        dummy : bool
+            Add a factor that the function never sees: the noise of a random function.
+        journal : path, optional
+            Keeps results against any kill; see `run`.
+        on_failure, output, interval, level, resamples
+            See `Runs.screen`.
+        """
+        design = self.design(
+            scheme=scheme,
+            sampler=sampler,
+            n=r,
+            replicates=replicates,
+            guard=guard,
+            levels=levels,
+            seed=seed,
+            dummy=dummy,
+        )
+        runs = self.run(
+            design, on_failure=on_failure, journal=journal, progress=progress
+        )
+        return runs.screen(on_failure=on_failure, seed=seed, **analysis)
+
+    def sobol(
+        self,
+        *,
+        n: int = 1024,
+        seed: int = 0,
+        sampler: str = "sobol",
+        second_order: bool = False,
+        replicates: int = 1,
+        dummy: bool = False,
+        on_failure: str = "error",
+        journal: str | os.PathLike[str] | None = None,
+        progress: bool = False,
+        **analysis: Any,
+    ) -> SobolIndices:
+        """Variance-based indices: how much of the output's variance is each factor's?
+
+        n (K + 2) runs a replicate, n (2 K + 2) with second order.
+
+        Parameters
+        ----------
+        n : int
+            Base points of each replicate; a power of two for the Sobol' sequence.
+        sampler : str
+            "sobol", "latin", "monte-carlo", or "pooled-latin" for parity.
+        second_order : bool
+            Indices of pairs too.
+        replicates : int
+            Independent scrambles; with at least two the intervals are those of their spread.
+        dummy : bool
+            Add a factor that the function never sees: the noise of a random function.
+        journal : path, optional
+            Keeps results against any kill; see `run`.
+        on_failure, output, estimator, interval, level, resamples
+            See `Runs.sobol`.
+        """
+        design = self.design(
+            scheme="saltelli",
+            sampler=sampler,
+            n=n,
+            replicates=replicates,
+            second_order=second_order,
+            seed=seed,
+            dummy=dummy,
+        )
+        runs = self.run(
+            design, on_failure=on_failure, journal=journal, progress=progress
+        )
+        return runs.sobol(on_failure=on_failure, seed=seed, **analysis)
+
+    def sample(
+        self,
+        *,
+        n: int = 1024,
+        seed: int = 0,
+        sampler: str = "sobol",
+        candidates: int = 1,
+        on_failure: str = "error",
+        journal: str | os.PathLike[str] | None = None,
+        progress: bool = False,
+    ) -> Runs:
+        """Run a plain sample of the factors: for densities, scatter plots and given-data indices."""
+        design = self.design(
+            scheme="sample", sampler=sampler, n=n, candidates=candidates, seed=seed
+        )
+        return self.run(
+            design, on_failure=on_failure, journal=journal, progress=progress
+        )
+
+    @property
+    def problem(self) -> dict[str, Any]:
+        """The factors as SALib's ``problem``."""
+        return problem_of(self.factors, self.groups)
+
+    @classmethod
+    def from_problem(
+        cls, problem: Mapping[str, Any], function: Callable[..., Any] | None = None, **keywords: Any
+    ) -> Study:
+        """A study of SALib's ``problem``."""
+        factors, groups = factors_of_problem(problem)
+        return cls(factors, function, groups=groups, **keywords)
+
+    def read_outputs(
+        self,
+        y: Any,
+        *,
+        x: Any = None,
+        scheme: str = "saltelli",
+        second_order: bool = False,
+        status: Any = None,
+    ) -> Runs:
+        """Outputs that were computed elsewhere, in SALib's order of rows.
+
+        Parameters
+        ----------
+        y : array_like, shape (rows,) or (rows, outputs)
+        x : array_like, shape (rows, factors), optional
+            Values of the factors. Elementary effects need them, and so do "nearest" and "surface".
+        scheme : str
+            "saltelli", "radial" or "trajectories" (SALib's morris).
+        second_order : bool
+            As the sample was made (SALib's ``calc_second_order``).
+        status : array_like of int, optional
+            0 for good runs.
+        """
+        values = np.asarray(y, dtype=float)
+        values = values[:, None] if values.ndim == 1 else values
+        if values.ndim != 2 or values.shape[1] != len(self.outputs):
+            raise refuse(f"y must be (rows,) or (rows, {len(self.outputs)})", "y")
+        points = None
+        if x is not None:
+            given = np.asarray(x, dtype=float)
+            if given.shape != (len(values), len(self.factors)):
+                raise refuse(
+                    f"x must be ({len(values)}, {len(self.factors)}), got {given.shape}", "x"
+                )
+            points = np.column_stack(
+                [f.probability(given[:, k]) for k, f in enumerate(self.factors.values())]
+            )
+        names = dict.fromkeys((self.groups or {}).get(name, name) for name in self.factors)
+        count = len(names)
+        block = {"saltelli": (2 if second_order else 1) * count + 2, "sample": 1}.get(
+            scheme, count + 1
+        )
+        if len(values) == 0 or len(values) % block:
+            raise refuse(
+                f"y has {len(values)} rows; a {scheme} design of {count} factors has blocks of "
+                f"{block} rows: check scheme and second_order",
+                "y",
+            )
+        design = self.design(
+            scheme=scheme,
+            sampler="given",
+            n=len(values) // block,
+            second_order=second_order,
+            guard=0.0,
+            points=points,
+        )
+        codes = np.zeros(len(values), dtype=np.int32)
+        if status is not None:
+            codes = np.asarray(status, dtype=np.int32)
+        wall = np.full(len(values), np.nan)
+        return Runs(design, values, codes, wall, self.outputs)
+
+
