@@ -25,6 +25,14 @@ from ._plot_passivity import allowed, port_indices, two_port
 from ._plot_reflex import delay_profile, joint, reflex, windows
 from ._plot_rig import sensing_methods, sensor_check, spring_array, virtual_force
 from ._plot_sim import absorbed_energy, loop
+from ._plot_study import (
+    convergence,
+    failure_map,
+    output_density,
+    output_scatter,
+    screening,
+    sobol_indices,
+)
 from ._response import dynamic_stiffness, is_break, measured_response, raw_signals
 from .record import refuse
 
@@ -32,11 +40,13 @@ __all__ = [
     "Picture",
     "absorbed_energy",
     "allowed",
+    "convergence",
     "delay_profile",
     "elbow_torque",
     "ellipses",
     "energy",
     "entry_names",
+    "failure_map",
     "frequency_response",
     "human_share",
     "joint",
@@ -44,6 +54,8 @@ __all__ = [
     "measured_response",
     "method_name",
     "orders",
+    "output_density",
+    "output_scatter",
     "overview",
     "parameters",
     "pictures",
@@ -52,9 +64,11 @@ __all__ = [
     "record",
     "reflex",
     "response",
+    "screening",
     "sensing_methods",
     "sensor_check",
     "signals",
+    "sobol_indices",
     "spring_array",
     "style",
     "transfer_function",
