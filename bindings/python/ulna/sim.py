@@ -431,12 +431,12 @@ def simulate(
     >>> from ulna import sim
     >>> t = np.arange(0, 20, 0.001)
     >>> wave = [sum(np.sin(2 * np.pi * f * t + f * f) for f in fs) for fs in ((0.4, 1.1, 2.3), (0.7, 1.6))]
-    >>> log = sim.simulate(sim.arms("3.2")["P1"], 0.004 * np.transpose(wave), seed=1)
+    >>> arm = sim.arms("3.2")["P1"]
+    >>> log = sim.simulate(arm, 0.004 * np.transpose(wave), seed=1)
     >>> log
-    <Record: 20000 samples at 1000 Hz, 1 trial; x, y [m]; F_x, F_y [N]; x_ref, y_ref [m]>
-    >>> ulna.identify_impedance(log).K.round()
-    array([[ 42., -34.],
-           [-23., 125.]])
+    <Record: 20000 samples at 1000 Hz, 1 trial; x [m], y [m], F_x [N], F_y [N], x_ref [m], y_ref [m]>
+    >>> bool(np.allclose(ulna.identify_impedance(log).K, arm.K, atol=2.0))
+    True
     """
     question = _question(
         arm, reference, robot, human, sensors, rate_hz, segments, centre_m, settle_s, extras, seed
