@@ -275,6 +275,15 @@ def test_an_arm_gives_its_excess(bundled):
     assert along.excess_interval[0] < along.excess < along.excess_interval[1]
 
 
+def test_without_delay_nothing_limits():
+    found = teleoperation.allowed_gain(1.0, delay_s=[0.0], **LOOP)
+    assert np.isinf(found.passive[0]) and "nothing limits" in found.reason
+    mixed = teleoperation.allowed_stiffness(4.0, delay_s=[0.0, 0.01], device_damping_n_s_m=1.0)
+    assert "5 times" in mixed.reason and np.isinf(mixed.allowed[0])
+    nothing = teleoperation.allowed_stiffness(4.0, delay_s=[0.01], device_damping_n_s_m=0.0)
+    assert nothing.passive[0] == 0 and "allows nothing" in nothing.reason
+
+
 def test_an_uncertain_arm_is_not_called_safe():
     found = teleoperation.allowed_stiffness(
         (-1.0, 2.0, 5.0), delay_s=[0.01], device_damping_n_s_m=3.0

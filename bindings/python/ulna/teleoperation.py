@@ -119,7 +119,7 @@ def allowed_gain(
     >>> found = allowed_gain(4.0, delay_s=[0.01, 0.1], master_damping_n_s_m=2.0,
     ...     slave_damping_n_s_m=1.0, coupling_damping_n_s_m=30.0, coupling_stiffness_n_m=200.0)
     >>> found.passive.round(3), found.allowed.round(3)
-    (array([0.067, 0.054]), array([0.2  , 0.161]))
+    (array([0.067, 0.056]), array([0.2  , 0.168]))
     """
     excess, interval, unit = _excess(arm, direction)
     delays = _delays(delay_s)
@@ -240,6 +240,19 @@ def _delays(delay_s: ArrayLike) -> np.ndarray:
     return delays
 
 
+def _worth(delays: np.ndarray, passive: np.ndarray, low: np.ndarray) -> str:
+    """What the excess gains, at the middle of the delays that limit anything."""
+    limited = np.flatnonzero(np.isfinite(passive))
+    if limited.size == 0:
+        return "Without delay nothing limits it, with the arm's excess or without."
+    middle = limited[limited.size // 2]
+    where = f"At {1e3 * delays[middle]:.4g} ms the arm's excess allows"
+    if passive[middle] == 0:
+        return f"{where} {low[middle]:.3g}, where any passive arm allows nothing."
+    more = low[middle] / passive[middle]
+    return f"{where} {more:.3g} times what any passive arm does, at the lower end of its interval."
+
+
 def _allowed(
     allowed: Any,
     delays: np.ndarray,
@@ -257,13 +270,7 @@ def _allowed(
             "the values at the lower end of its interval."
         )
     else:
-        middle = len(delays) // 2
-        gain = low[middle] / passive[middle] if passive[middle] > 0 else np.inf
-        more = f"{gain:.3g} times" if np.isfinite(gain) else "more than"
-        reason = (
-            f"At {1e3 * delays[middle]:.4g} ms the arm's excess allows {more} what any passive arm "
-            "does, at the lower end of its interval."
-        )
+        reason = _worth(delays, passive, low)
     return Allowed(
         delays, passive, mine, low, excess, interval, excess_unit, quantity, unit, loop, reason
     )
