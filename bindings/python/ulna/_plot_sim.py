@@ -95,6 +95,8 @@ def loop(
             begin, end = time[segment.begin], time[segment.end - 1]
             if end > start_s and begin < start_s + span_s:
                 ax.axvspan(max(begin, t[0]), min(end, t[-1]), color=GREY, alpha=0.13, lw=0)
+        low, high = ax.get_ylim()
+        ax.set_ylim(low, high + 0.25 * (high - low))  # room for the legend
         ax.legend(loc="upper right", ncols=4)
         ax.set_xlim(t[0], t[-1])
     grid[-1].set_xlabel("time (s)")
@@ -161,11 +163,11 @@ def absorbed_energy(
         raise refuse("records must be a mapping of titles to records", "records")
     width = max(WIDTH_IN, 2.4 * len(records))
     grid = axes_grid(axes, 2, len(records), (width, 4.4))
-    for column, (title, record) in zip(grid.T, records.items(), strict=True):
+    for number, (title, record) in enumerate(records.items()):
         if not _names(record, "position") or not _names(record, "force"):
             raise refuse(f"the record {title!r} must have position and force channels", "records")
         time, energy, moved = _absorbed(record)
-        top, bottom = column
+        top, bottom = grid[:, number]
         active = energy[-1] < 0
         top.plot(*_thin(time, 1e3 * energy), color=ORANGE if active else BLUE)
         top.axhline(0, color=INK, lw=0.6)
@@ -189,7 +191,7 @@ def absorbed_energy(
         right.plot(*_thin(t, 1e3 * moved[begin:end]), color=GREY, ls="--")
         right.set_ylim(bottom=0)
         right.grid(False)
-        if column is grid.T[-1]:
+        if number == len(records) - 1:
             right.set_ylabel("displacement (mm, dashed)")
         right.spines["right"].set_visible(True)
     grid[0, 0].set_ylabel("absorbed in the trial (mJ)")
