@@ -177,9 +177,11 @@ std::vector<PortFunction::Cluster> PortFunction::clusters(double tolerance) cons
     }
     Cluster c{sum / count, kInfinity};
     const double size = std::abs(c.center);
-    c.axis = zero || std::abs(c.center.real()) <= tolerance * size;
+    // Of a multiple pole rounding leaves a ring; whether it surrounds the axis is all that shows.
+    const bool ring = count > 1.0 && std::abs(c.center.real()) <= near;
+    c.axis = zero || ring || std::abs(c.center.real()) <= tolerance * size;
     c.right = !c.axis && c.center.real() > 0.0;
-    c.exact = zero || c.center.real() <= 1e-12 * size;
+    c.exact = zero || ring || c.center.real() <= 1e-12 * size;
     if (zero) c.center = 0.0;
     if (c.axis) c.center = Complex(0.0, c.center.imag());
     // Its own members lie within `near`, the rest (conjugates too) beyond.

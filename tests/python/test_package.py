@@ -31,6 +31,8 @@ NOT_BOUND = {}
 def public_callables():
     """(name, object) of every public function, class and public method of the package."""
     for module in ["ulna", *MODULES]:
+        if module.rpartition(".")[2].startswith("_"):
+            continue
         loaded = importlib.import_module(module)
         names = getattr(loaded, "__all__", [n for n in vars(loaded) if not n.startswith("_")])
         for name in names:

@@ -507,6 +507,37 @@ def test_table_43_for_every_participant(row):
         assert energy_of(rigid(design.steps(size=8.0, unit="N", seed=seed), row)).index > 0
 
 
+# Figures -----------------------------------------------------------------------------------------
+
+
+def test_figures_show_what_they_are_given():
+    plt = pytest.importorskip("matplotlib.pyplot")
+    push = design.steps(size=2.0, unit="N", repeats=1, seed=1)
+    arm = arm_of().with_(x0_m=None)
+    held = sim.simulate(arm, push, human=sim.holding(arm), extras=["truth"])
+    axes = ulna.plot.loop(held, start_s=2.0, span_s=5.0)
+    assert len(axes) == 3
+    assert axes[0].get_xlim() == pytest.approx((2.0, 7.0), abs=0.01)
+    force = {line.get_label(): line.get_ydata() for line in axes[1].get_lines()}
+    assert force["F_x"].max() == pytest.approx(held["F_x"][2000:7000].max(), abs=0.1)
+    assert len(ulna.plot.loop(sim.simulate(arm, wave(2)), span_s=2.0)) == 2
+    grid = ulna.plot.absorbed_energy({"held": held, "again": held}, perturbation=1)
+    assert grid.shape == (2, 2)
+    assert grid[0, 1].get_title(loc="left") == "again"
+    shown = grid[0, 0].get_lines()[0].get_ydata()[-1]
+    assert shown == pytest.approx(1e3 * energy_of(held).energy_j[-1], abs=3)  # mJ; measured, smoothed
+    for call, words in (
+        (lambda: ulna.plot.loop(held, start_s=1e3), "no samples from 1000 s"),
+        (lambda: ulna.plot.loop(push.record()), "position and force channels"),
+        (lambda: ulna.plot.absorbed_energy({}), "mapping of titles"),
+        (lambda: ulna.plot.absorbed_energy({"a": held}, perturbation=99), "has 8"),
+        (lambda: ulna.plot.absorbed_energy({"a": push.record()}), "position and force channels"),
+    ):
+        with pytest.raises(ulna.ArgumentError, match=words):
+            call()
+    plt.close("all")
+
+
 # Refusals ----------------------------------------------------------------------------------------
 
 FLAT = np.zeros((200, 2))

@@ -215,11 +215,11 @@ def _closed_loop(p: Ports, segment: int | None, confidence: float, progress: boo
     given = {"rate_hz": p.rate_hz, "segment": segment, "ranges": p.runs}
     n, m = p.inputs.shape[1], p.outputs.shape[1]
     both = np.column_stack([p.inputs, p.outputs])
-    coherence = signal.coherence(p.reference, both, **given)
     chosen = _options(p, confidence, segment=segment)
     table = _table(
         lib.ulna_frf_closed_loop, (p.reference, p.inputs, p.outputs), p, chosen, progress
     ).reshape(1 + 3 * n * m, -1)
+    coherence = signal.coherence(p.reference, both, **given)
     return _result(
         p,
         *_parts(table, m, n),

