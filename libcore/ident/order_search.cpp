@@ -10,6 +10,13 @@
 namespace ulna {
 namespace {
 
+// Of the variance of the error over the least, from which on Young's criterion may choose.
+constexpr double kNearBest = 1.05;
+
+// Standard errors by which a smaller model must be worse. One would be too few: the least error is
+// picked among many, and of models that hold the truth one is best by chance.
+constexpr double kSignificant = 2.0;
+
 constexpr Index kBlocks = 20;  // of held-out rows; errors of neighbours are correlated
 
 std::string name_of(const OrderCandidate& c) {
@@ -98,13 +105,13 @@ const char* word_of(OrderCriterion criterion) {
 void recommend(OrderSearch& search, OrderCriterion criterion) {
   const auto& all = search.candidates;
   const auto usable = [](const OrderCandidate& c) { return c.note.empty(); };
-  double most = -kInfinity;
+  double least = kInfinity;
   for (const OrderCandidate& c : all) {
-    if (usable(c)) most = std::max(most, c.fit.vaf);
+    if (usable(c)) least = std::min(least, c.fit.noise_variance);
   }
   for (std::size_t i = 0; i < all.size(); ++i) {
     if (!usable(all[i])) continue;
-    if (criterion == OrderCriterion::kYic && all[i].fit.vaf < most - 1.0) continue;
+    if (criterion == OrderCriterion::kYic && all[i].fit.noise_variance > kNearBest * least) continue;
     search.recommended = static_cast<Index>(i);
     break;
   }
@@ -119,7 +126,7 @@ void recommend(OrderSearch& search, OrderCriterion criterion) {
     search.reason =
         sentence(6, name_of(best), ": the least ", word_of(criterion),
                  criterion == OrderCriterion::kYic
-                     ? " among the models that explain within 1 % of the most"
+                     ? " among the models whose error has a variance within 5 % of the least"
                      : " of the models that converged to a stable, determined estimate");
     return;
   }
@@ -127,18 +134,18 @@ void recommend(OrderSearch& search, OrderCriterion criterion) {
   for (std::size_t i = 0; i < all.size(); ++i) {
     if (!usable(all[i]) || size_of(all[i]) >= size_of(all[chosen])) continue;
     const Difference d = compare(all[i], best);
-    if (d.mean <= d.error) chosen = i;  // sorted: the better one of a size comes first
+    if (d.mean <= kSignificant * d.error) chosen = i;  // sorted: the better one of a size comes first
   }
   search.recommended = static_cast<Index>(chosen);
   const OrderCandidate& c = all[chosen];
   if (&c == &best) {
     search.reason =
         sentence(4, name_of(c), ": the least error on held-out rows (VAF ", c.fit.vaf_held_out,
-                 " %), and no smaller model comes within its standard error");
+                 " %), and every smaller model is significantly worse");
   } else {
     search.reason =
         sentence(4, name_of(c), ": the fewest coefficients whose error on held-out rows (VAF ",
-                 c.fit.vaf_held_out, " %) is within a standard error of the least (",
+                 c.fit.vaf_held_out, " %) is within two standard errors of the least (",
                  best.fit.vaf_held_out, " %, ", name_of(best), ")");
   }
 }

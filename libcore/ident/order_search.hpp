@@ -10,10 +10,10 @@
 namespace ulna {
 
 enum class OrderCriterion {
-  kHeldOut,  // the fewest coefficients whose held-out error is within a standard error of the best
+  kHeldOut,  // the fewest coefficients whose held-out error is within two standard errors of the best
   kBic,      // Bayesian information criterion (Schwarz 1978)
   kAicc,     // Akaike's, corrected for few rows (Hurvich and Tsai 1989)
-  kYic,      // Young's information criterion, among models within 1 % of the best fit (Young 1989)
+  kYic,      // Young's information criterion, if the error's variance is within 5 % of the least (Young 1989)
 };
 
 struct OrderGrid {

@@ -206,6 +206,7 @@ RationalProblem::RationalProblem(MatrixRef inputs, VectorRef output, double rate
       ranges.empty() ? std::vector<RowRange>{{0, output.size()}} : ranges;
   Index last_end = 0;
   double total = 0.0;
+  double square = 0.0;
   for (const RowRange& range : used) {
     require(range.begin >= last_end && range.end > range.begin && range.end <= output.size(),
             "ranges", "ranges must be in order, not overlap, and lie within the rows");
@@ -226,6 +227,7 @@ RationalProblem::RationalProblem(MatrixRef inputs, VectorRef output, double rate
     check_finite(output.segment(range.begin, rows), "output");
     run.output = output.segment(range.begin, rows);
     total += variation(run.output.segment(run.skip, run.fit_end - run.skip));
+    square += run.output.squaredNorm() / static_cast<double>(rows);
     fit_rows_ += run.fit_end - run.skip;
     for (Index i = 0; i < inputs.cols(); ++i) {
       const auto place = static_cast<std::size_t>(i);
@@ -266,7 +268,7 @@ RationalProblem::RationalProblem(MatrixRef inputs, VectorRef output, double rate
                 sentence(6, "input ", i, " is constant and tells nothing about the system"),
                 sentence(6, "channel ", i));
   }
-  if (!(power_ > 1e-24 * output.squaredNorm() / static_cast<double>(output.size()))) {
+  if (!(power_ > 1e-24 * square)) {
     throw Error(Fault::kAnalysis, "output", "the output is constant and tells nothing");
   }
 }

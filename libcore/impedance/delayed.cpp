@@ -507,11 +507,7 @@ DelayedEstimate identify_delayed(const Record& record, const DelayedOptions& opt
   const Search trained = search_delay(train, options, token);
   {
     const Matrix at = train.regressors(trained.delay);
-    out.condition = condition_of(train.seen(at));
-    if (!(out.condition <= options.condition_limit)) {
-      throw Error(Fault::kAnalysis, "condition_limit",
-                  sentence(3,
-                           "the motion does not tell the immediate from the delayed response "
+MARK the immediate from the delayed response "
                            "(condition number ",
                            out.condition,
                            "): perturb with more frequencies, or narrow the range of the delay"));

@@ -87,6 +87,7 @@ _HOMES = {
     "ReflexEstimate": "reflex",
 }
 _MODULES = (
+    "design",
     "exo",
     "joint",
     "models",

@@ -634,9 +634,10 @@ def select_order(
     poles, zeros, delay_s : lists
         What is tried. Zeros from 0 to ``poles - 1`` unless given.
     criterion : {"held-out", "bic", "aicc", "yic"}
-        "held-out": the fewest coefficients whose held-out error is within a standard error of the
-        least, which needs no assumption on the noise. "bic", "aicc": information criteria, which
-        take the noise as white. "yic": Young's, among models within 1 % of the best fit.
+        "held-out": the fewest coefficients whose held-out error is within two standard errors of
+        the least, which needs no assumption on the noise. "bic", "aicc": information criteria,
+        which take the noise as white. "yic": Young's, among models whose error has a variance
+        within 5 % of the least.
     held_out : float
         Share of each run, its end, that validates.
     threads : int
@@ -650,7 +651,7 @@ def select_order(
     >>> u = np.repeat(rng.normal(size=200), 20)
     >>> y = models.simulate([30.0], [1.0, 2.0, 25.0], u, rate_hz=200) + 0.1 * rng.normal(size=4000)
     >>> models.select_order(u, y, rate_hz=200, poles=[1, 2, 3])
-    <OrderSelection of 6 by held-out: 2 poles, ... zeros>
+    <OrderSelection of 6 by held-out: 2 poles, 0 zeros>
     """
     signals = ports(u, y, rate_hz, runs, input=input, output=output)
     if signals.outputs.shape[1] != 1:

@@ -57,14 +57,15 @@ extern "C" {
 /** The same on held-out rows by the model before the refit; NaN elsewhere. @since 0.1 */
 #define ULNA_MODEL_VALIDATION_ERRORS (7)
 
-/** The fewest coefficients whose held-out error is within a standard error of the least.
+/** The fewest coefficients whose held-out error is within two standard errors of the least.
  * @since 0.1 */
 #define ULNA_ORDER_HELD_OUT (0)
 /** Least Bayesian information criterion. @since 0.1 */
 #define ULNA_ORDER_BIC (1)
 /** Least corrected Akaike information criterion. @since 0.1 */
 #define ULNA_ORDER_AICC (2)
-/** Least Young information criterion among the models within 1 % of the best fit. @since 0.1 */
+/** Least Young information criterion among the models whose error has a variance within 5 % of the
+ * least. @since 0.1 */
 #define ULNA_ORDER_YIC (3)
 
 /** An identified model; immutable.
