@@ -17,6 +17,9 @@ constexpr double kNearBest = 1.05;
 // picked among many, and of models that hold the truth one is best by chance.
 constexpr double kSignificant = 2.0;
 
+// Percent accounted for, above which what is left is rounding and compares with nothing.
+constexpr double kExact = 100.0 - 1e-9;
+
 constexpr Index kBlocks = 20;  // of held-out rows; errors of neighbours are correlated
 
 std::string name_of(const OrderCandidate& c) {
@@ -111,7 +114,8 @@ void recommend(OrderSearch& search, OrderCriterion criterion) {
   }
   for (std::size_t i = 0; i < all.size(); ++i) {
     if (!usable(all[i])) continue;
-    if (criterion == OrderCriterion::kYic && all[i].fit.noise_variance > kNearBest * least) continue;
+    const bool near = all[i].fit.noise_variance <= kNearBest * least || all[i].fit.vaf > kExact;
+    if (criterion == OrderCriterion::kYic && !near) continue;
     search.recommended = static_cast<Index>(i);
     break;
   }
@@ -134,7 +138,8 @@ void recommend(OrderSearch& search, OrderCriterion criterion) {
   for (std::size_t i = 0; i < all.size(); ++i) {
     if (!usable(all[i]) || size_of(all[i]) >= size_of(all[chosen])) continue;
     const Difference d = compare(all[i], best);
-    if (d.mean <= kSignificant * d.error) chosen = i;  // sorted: the better one of a size comes first
+    // Sorted: the better one of a size comes first.
+    if (d.mean <= kSignificant * d.error || all[i].fit.vaf_held_out > kExact) chosen = i;
   }
   search.recommended = static_cast<Index>(chosen);
   const OrderCandidate& c = all[chosen];
