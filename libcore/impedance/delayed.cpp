@@ -414,7 +414,7 @@ void explain(DelayedEstimate& e, const DelayedOptions& o) {
     e.warnings.push_back(sentence(3, "The delay lies at the end of its range (", 1e3 * e.delay_s,
                                   " ms): widen it, or the feedback is not a single delay."));
   }
-  if (e.condition > kIllCondition) {
+  if (e.condition > kIllCondition && (e.outcome & kDelayedNotSignificant) == 0) {
     e.outcome |= kDelayedIllConditioned;
     e.warnings.push_back(sentence(3,
                                   "The motion hardly tells the immediate from the delayed "
@@ -507,10 +507,22 @@ DelayedEstimate identify_delayed(const Record& record, const DelayedOptions& opt
   const Search trained = search_delay(train, options, token);
   {
     const Matrix at = train.regressors(trained.delay);
-MARK the immediate from the delayed response "
+    out.condition = condition_of(train.seen(at));
+    // A delay near zero copies the immediate whatever the motion: the best delay of the range says
+    // what the motion could tell.
+    double best_condition = out.condition;
+    for (Index k = 0; k < kDelayPoints; k += 8) {
+      best_condition = std::min(best_condition,
+                                condition_of(train.seen(train.regressors(trained.delays[k]))));
+    }
+    if (!(best_condition <= options.condition_limit)) {
+      throw Error(Fault::kAnalysis, "condition_limit",
+                  sentence(3,
+                           "the motion does not tell the immediate from the delayed response "
                            "(condition number ",
-                           out.condition,
-                           "): perturb with more frequencies, or narrow the range of the delay"));
+                           best_condition,
+                           " at the best delay): perturb with more frequencies, or widen the range "
+                           "of the delay"));
     }
     const Feedback held_out = model_of(split.held_out, false);
     const Matrix theta = train.solve(at).theta;

@@ -49,7 +49,6 @@ bool cut_piece(const Prepared& prepared, const Onset& onset, const Layout& layou
     const Eigen::RowVectorXd mean = signal.middleRows(first - rest, rest).colwise().mean();
     return Matrix(signal.middleRows(first, count).rowwise() - mean);
   };
-  const auto plain = [&](const auto& signal) { return Matrix(signal.middleRows(first, count)); };
   Matrix table = Matrix::Zero(count, layout.width());
   const auto put = [&](Index at, const Matrix& a, const Matrix& v, const Matrix& x) {
     const Index n = x.cols();
@@ -68,10 +67,10 @@ bool cut_piece(const Prepared& prepared, const Onset& onset, const Layout& layou
     table.block(window, next + n, late, n) = x.bottomRows(late);
   };
   if (layout.m > 0) {
-    put(0, plain(trial.reference_acceleration()), plain(trial.reference_rate()),
+    put(0, centred(trial.reference_acceleration()), centred(trial.reference_rate()),
         centred(trial.reference()));
   }
-  put(layout.q(), plain(trial.acceleration()), plain(trial.velocity()), centred(trial.position()));
+  put(layout.q(), centred(trial.acceleration()), centred(trial.velocity()), centred(trial.position()));
   table.rightCols(layout.n) = -centred(trial.force());
   out.gram = table.transpose() * table;
   out.rows = table.rightCols(layout.p() + layout.n);

@@ -239,7 +239,7 @@ void Journal::read_file(const std::string& path) {
     const auto message = static_cast<std::size_t>(get_number<std::int32_t>(p + 20));
     std::vector<double> values(outputs);
     std::memcpy(values.data(), p + 8 + kFixed, 8 * outputs);
-    if (row < 0 || row >= spec_.rows || message > kMaxMessage || least + message > size + 8) {
+    if (row < 0 || row >= spec_.rows || message > kMaxMessage || least + message > size) {
       throw Error(Fault::kFormat, "folder",
                   path + " holds a record of a newer kind: read it with a newer release", path);
     }

@@ -5,7 +5,7 @@
 //   <writer>.journal   a header, then records
 //
 // Header: "ULNAJRN1", the plan's digest (32 bytes), rows, outputs (int64 each), checksum.
-// Record: "ULNR", size of the rest of the record (uint32), row (int64), status, size of the message
+// Record: "ULNR", bytes before the checksum (uint32), row (int64), status, size of the message
 // (int32 each), wall_s, outputs (double each), message, zeros up to a multiple of 8, checksum.
 // Little endian; the checksum is SipHash-2-4 keyed by the digest, of all that precedes it.
 //
