@@ -11,7 +11,7 @@ from ulna.cli import main
 
 @pytest.fixture(scope="module")
 def found():
-    return validate.impedance(simulate=False)
+    return validate.impedance()
 
 
 def test_tables_that_follow_from_other_tables_are_reproduced(found):
@@ -72,14 +72,14 @@ def test_page_and_json_hold_every_number(found, tmp_path):
 
 
 def test_command(capsys, tmp_path):
-    assert main(["validate", "impedance", "--no-simulation", "--out", str(tmp_path / "v")]) == 0
+    assert main(["validate", "impedance", "--out", str(tmp_path / "v")]) == 0
     assert "Table 3.6" in capsys.readouterr().out
     assert (tmp_path / "v" / "impedance.html").is_file()
-    assert main(["validate", "impedance", "--no-simulation", "--json"]) == 0
+    assert main(["validate", "impedance", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["document"] == "Dyck (2013)"
     assert main(["validate", "legs"]) == 2
     (tmp_path / "file").write_text("")
-    assert main(["validate", "impedance", "--no-simulation", "--out", str(tmp_path / "file")]) == 2
+    assert main(["validate", "impedance", "--out", str(tmp_path / "file")]) == 2
 
 
 def test_published_arms_are_whole():

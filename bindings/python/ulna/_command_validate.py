@@ -23,10 +23,6 @@ def add_to(commands: Any) -> None:
     parser.add_argument("what", choices=("impedance",), help="impedance: the tables of Dyck (2013)")
     parser.add_argument("--out", metavar="DIR", help="write impedance.html and impedance.json")
     parser.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
-    parser.add_argument(
-        "--no-simulation", action="store_true", help="only what follows from printed numbers"
-    )
-    parser.add_argument("--seed", metavar="N", type=int, default=0, help="of simulated noise")
     parser.set_defaults(run=_validate)
 
 
@@ -35,7 +31,7 @@ def _validate(options: argparse.Namespace) -> int:
 
     if options.out is not None:
         check_folder(Path(options.out))
-    found = validate.impedance(simulate=not options.no_simulation, seed=options.seed)
+    found = validate.impedance()
     text = json.dumps(found.to_dict(), indent=2, allow_nan=False, ensure_ascii=False)
     if options.out is not None:
         page = found.write(Path(options.out) / "impedance.html")

@@ -1,8 +1,7 @@
 """What the source documents print, beside what comes out here.
 
 :func:`impedance` goes through every table of Dyck (2013). What follows from other tables is computed
-again; what needs recordings that were not published is simulated at the published parameters and
-identified; what does not follow from the thesis' own equations is marked, with the reason.
+again; what needs recordings that were not published is named; what does not follow from the thesis' own equations is marked, with the reason.
 """
 
 from __future__ import annotations
@@ -108,7 +107,7 @@ class Validation:
         Examples
         --------
         >>> import ulna
-        >>> print(ulna.validate.impedance(simulate=False).summary().splitlines()[1])
+        >>> print(ulna.validate.impedance().summary().splitlines()[1])
         Table 3.3   reproduced       18 ellipses ...
         """
         lines = []
@@ -143,21 +142,13 @@ class Validation:
         return target
 
 
-def impedance(*, simulate: bool = True, seed: int = 0) -> Validation:
+def impedance() -> Validation:
     """Go through the tables of Dyck (2013).
-
-    Parameters
-    ----------
-    simulate : bool
-        Also simulate recordings at the published parameters, identify them, and run the study
-        behind Table 4.3.
-    seed : int
-        Of the noise in what is simulated.
 
     Examples
     --------
     >>> import ulna
-    >>> found = ulna.validate.impedance(simulate=False)
+    >>> found = ulna.validate.impedance()
     >>> found["3.3"].status, found["3.6"].status
     ('reproduced', 'does not follow')
     """
@@ -170,10 +161,6 @@ def impedance(*, simulate: bool = True, seed: int = 0) -> Validation:
         _errors(),
         *_unpublished(),
     ]
-    if simulate:
-        from . import _validate_simulated as simulated
-
-        tables += simulated.tables(seed)
     return Validation("Dyck (2013)", tuple(sorted(tables, key=lambda entry: _order(entry.number))))
 
 
