@@ -3,6 +3,8 @@
 import pytest
 
 BEING_COMPLETED = """
+tests/python/test_package.py::test_doctests[ulna.models]
+tests/python/test_package.py::test_doctests[ulna.reflex]
 tests/python/test_notebooks.py::test_runs[reflexes-in-a-real-ankle]
 tests/python/test_command_simulate.py::test_arm
 tests/python/test_design.py::test_a_table_is_read_back_to_the_bit
