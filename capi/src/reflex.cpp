@@ -385,6 +385,7 @@ ulna_status ulna_windows_get_info(const ulna_windows* windows, ulna_windows_info
     info.degrees = e.degrees;
     info.quantile = student_quantile(0.975, e.degrees);
     info.condition = e.condition;
+    info.guard_s = e.guard_s;
     info.early_rows = e.early.rows;
     info.late_rows = e.late.rows;
     write_result(out_info, info, "out_info");

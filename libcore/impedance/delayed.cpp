@@ -512,8 +512,8 @@ DelayedEstimate identify_delayed(const Record& record, const DelayedOptions& opt
     // what the motion could tell.
     double best_condition = out.condition;
     for (Index k = 0; k < kDelayPoints; k += 8) {
-      best_condition = std::min(best_condition,
-                                condition_of(train.seen(train.regressors(trained.delays[k]))));
+      best_condition =
+          std::min(best_condition, condition_of(train.seen(train.regressors(trained.delays[k]))));
     }
     if (!(best_condition <= options.condition_limit)) {
       throw Error(Fault::kAnalysis, "condition_limit",

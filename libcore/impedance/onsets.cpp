@@ -52,6 +52,19 @@ double range_of(const Record& record, const std::vector<Index>& channels, Index 
   return widest;
 }
 
+// First row that left the rest for good before `row`, which has left it for certain: a motion
+// begins slowly, and a thousandth of its range is milliseconds after its start.
+Index start_of(const Record& record, const std::vector<Index>& channels, Index row, Index rest,
+               Index begin, double range) {
+  const Index first = std::max(begin, row - rest);
+  const Index half = std::max<Index>(1, (row - first) / 2);
+  const Rest still = rest_of(record, channels, first, half);
+  const double near = std::max(1e-6 * range, 3.0 * still.deviation);
+  Index start = row;
+  while (start > first + half && distance(record, channels, start - 1, still.mean) > near) --start;
+  return start;
+}
+
 Index rows_for(double seconds, double rate) {
   return std::max<Index>(2, static_cast<Index>(std::lround(seconds * rate)));
 }
@@ -107,11 +120,12 @@ std::vector<Onset> find_onsets(const Record& record, const Roles& roles, double 
       const Index first = std::max(trial_begin, segment.begin - rest);
       if (segment.end - first < 2 * rest) continue;
       const Rest still = rest_of(record, channels, first, rest);
-      const double away = std::max(kShare * range_of(record, channels, first, segment.end),
-                                   kDeviations * still.deviation);
+      const double range = range_of(record, channels, first, segment.end);
+      const double away = std::max(kShare * range, kDeviations * still.deviation);
       for (Index row = first + rest; row < segment.end; ++row) {
         if (distance(record, channels, row, still.mean) <= away) continue;
-        out.push_back({segment.trial, row, std::min(segment.end, row + longest)});
+        const Index start = start_of(record, channels, row, rest, first, range);
+        out.push_back({segment.trial, start, std::min(segment.end, start + longest)});
         break;
       }
     }
@@ -140,7 +154,8 @@ std::vector<Onset> find_onsets(const Record& record, const Roles& roles, double 
           if (!out.empty() && out.back().trial == static_cast<int>(t)) {
             out.back().end = std::min(out.back().end, row - rest);
           }
-          out.push_back({static_cast<int>(t), row, std::min(trial.end, row + longest)});
+          const Index start = start_of(record, channels, row, rest, trial.begin, range);
+          out.push_back({static_cast<int>(t), start, std::min(trial.end, start + longest)});
         }
         settle(row);
       }

@@ -13,6 +13,8 @@ namespace {
 
 constexpr double kPeriods = 5.0;  // of the low pass within the window
 constexpr double kSmeared = 3.0;  // fewer: what follows shows in the window
+// A step through the two passes has settled to two percent after a period of the cut-off.
+constexpr double kGuardPeriods = 1.0;
 constexpr Index kLeastOnsets = 3;
 
 // Columns of a piece: instruments, regressors, force. Each signal stands once for the early rows
@@ -37,44 +39,49 @@ struct Piece {
   Index early = 0;
 };
 
-// Prepared rows of a perturbation, counted from its rest; nothing when it does not fit.
+// Prepared rows of a perturbation, counted from its rest; nothing when it does not fit. `guard`
+// rows on either side of the border are left out: the filter mixes there what was before and after
+// it.
 bool cut_piece(const Prepared& prepared, const Onset& onset, const Layout& layout, Index window,
-               Index rest, Piece& out) {
+               Index rest, Index guard, Piece& out) {
   const PreparedTrial& trial = prepared.trials[static_cast<std::size_t>(onset.trial)];
   const Index first = onset.row - trial.begin();
   const Index last = std::min(onset.end - trial.begin(), trial.rows());
   if (first - rest < 0 || last - first < 2 * window) return false;
-  const Index count = last - first;
+  const Index early = window - guard;
+  const Index late = last - first - window - guard;
   const auto centred = [&](const auto& signal) {
     const Eigen::RowVectorXd mean = signal.middleRows(first - rest, rest).colwise().mean();
-    return Matrix(signal.middleRows(first, count).rowwise() - mean);
+    Matrix rows(early + late, signal.cols());
+    rows << signal.middleRows(first, early), signal.middleRows(last - late, late);
+    return Matrix(rows.rowwise() - mean);
   };
-  Matrix table = Matrix::Zero(count, layout.width());
+  Matrix table = Matrix::Zero(early + late, layout.width());
   const auto put = [&](Index at, const Matrix& a, const Matrix& v, const Matrix& x) {
     const Index n = x.cols();
-    const Index late = count - window;
-    table.block(0, at, window, n) = a.topRows(window);
-    table.block(0, at + n, window, n) = v.topRows(window);
-    table.block(0, at + 2 * n, window, n) = x.topRows(window);
+    table.block(0, at, early, n) = a.topRows(early);
+    table.block(0, at + n, early, n) = v.topRows(early);
+    table.block(0, at + 2 * n, early, n) = x.topRows(early);
     Index next = at + 3 * n;
     if (layout.free_inertia) {
-      table.block(window, next, late, n) = a.bottomRows(late);
+      table.block(early, next, late, n) = a.bottomRows(late);
       next += n;
     } else {
-      table.block(window, at, late, n) = a.bottomRows(late);
+      table.block(early, at, late, n) = a.bottomRows(late);
     }
-    table.block(window, next, late, n) = v.bottomRows(late);
-    table.block(window, next + n, late, n) = x.bottomRows(late);
+    table.block(early, next, late, n) = v.bottomRows(late);
+    table.block(early, next + n, late, n) = x.bottomRows(late);
   };
   if (layout.m > 0) {
     put(0, centred(trial.reference_acceleration()), centred(trial.reference_rate()),
         centred(trial.reference()));
   }
-  put(layout.q(), centred(trial.acceleration()), centred(trial.velocity()), centred(trial.position()));
+  put(layout.q(), centred(trial.acceleration()), centred(trial.velocity()),
+      centred(trial.position()));
   table.rightCols(layout.n) = -centred(trial.force());
   out.gram = table.transpose() * table;
   out.rows = table.rightCols(layout.p() + layout.n);
-  out.early = window;
+  out.early = early;
   return true;
 }
 
@@ -246,13 +253,18 @@ WindowComparison compare_windows(const Record& record, const WindowOptions& opti
                       options.free_inertia};
   const Index window = std::max<Index>(1, static_cast<Index>(std::lround(options.window_s * rate)));
   const Index rest = std::max<Index>(1, static_cast<Index>(std::lround(options.baseline_s * rate)));
+  const double smear_s = prepared.report.lowpass_hz > 0.0
+                             ? kGuardPeriods / prepared.report.lowpass_hz
+                             : 0.5 * prepared.report.window / rate;
+  const Index guard = std::min<Index>(window / 2, static_cast<Index>(std::ceil(smear_s * rate)));
+  out.guard_s = static_cast<double>(guard) / rate;
 
   std::vector<Piece> pieces;
   Matrix total = Matrix::Zero(layout.width(), layout.width());
   for (const Onset& onset : onsets) {
     step(token, 0.5);
     Piece piece;
-    if (!cut_piece(prepared, onset, layout, window, rest, piece)) continue;
+    if (!cut_piece(prepared, onset, layout, window, rest, guard, piece)) continue;
     total += piece.gram;
     pieces.push_back(std::move(piece));
     out.onsets.push_back(onset);

@@ -3,9 +3,10 @@
 //
 //     -F = M x'' + B_e x' + K_e x  in the window,   -F = M x'' + B_l x' + K_l x  after it
 //
-// F and x are counted from their means over a rest before the onset, so that no constant is left.
-// The whole record is filtered before anything is cut. Each perturbation is one independent piece
-// of evidence: covariances leave one out at a time (jackknife).
+// All signals count from their means over a rest before the onset, so that no constant is left.
+// The whole record is filtered before anything is cut, and rows near the border, where the filter
+// mixes both sides, are left out. Each perturbation is one independent piece of evidence:
+// covariances leave one out at a time (jackknife).
 #pragma once
 
 #include <cstdint>
@@ -58,6 +59,7 @@ struct WindowComparison {
   Estimator estimator = Estimator::kLeastSquares;
   WindowFit early, late;
   Matrix difference_covariance;  // of late - early, M, B, K row by row
+  double guard_s = 0.0;          // left out on either side of the border
   double degrees = 0.0;          // of Student's t for intervals: perturbations - 1
   double p_value = 1.0;          // that both windows have the same B and K (and M where it is free)
   double condition = 0.0;

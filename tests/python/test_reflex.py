@@ -279,7 +279,7 @@ HAND_DELAY = 0.11
 def hand_record(*, seconds=60.0, noise=0.0, seed=0, feedback=1.0, axes=2, with_reference=False):
     rng = np.random.default_rng(seed)
     t = np.arange(int(seconds * RATE)) / RATE
-    motions = [multisine(rng, band_hz=4.0, tones=30, speed=0.06) for _ in range(axes)]
+    motions = [multisine(rng, band_hz=4.0, tones=30, speed=0.25) for _ in range(axes)]
     x, v, a = (np.column_stack([m(t)[k] for m in motions]) for k in range(3))
     xd, vd, _ = (np.column_stack([m(t - HAND_DELAY)[k] for m in motions]) for k in range(3))
     x0 = np.array([0.1, 0.1])[:axes]
@@ -315,7 +315,7 @@ def test_delayed_feedback_without_noise():
 @pytest.mark.parametrize("axes", [1, 2])
 @pytest.mark.parametrize("with_reference", [False, True])
 def test_delayed_feedback_with_noise(axes, with_reference):
-    record = hand_record(noise=0.4, seed=2, axes=axes, with_reference=with_reference)
+    record = hand_record(noise=0.2, seed=2, axes=axes, with_reference=with_reference)
     e = quietly(ulna.identify_delayed_feedback, record, lowpass_hz=15)
     assert e.estimator == ("instrumental_variables" if with_reference else "least_squares")
     for name, value in HAND.items():
@@ -330,7 +330,7 @@ def test_delayed_feedback_with_noise(axes, with_reference):
 def test_without_delayed_feedback_none_is_shown():
     shown = 0
     for seed in range(4):
-        record = hand_record(noise=0.4, seed=seed, feedback=0.0, axes=1)
+        record = hand_record(noise=0.2, seed=seed, feedback=0.0, axes=1)
         e = quietly(ulna.identify_delayed_feedback, record, lowpass_hz=15)
         shown += e.p_value < 0.05
         if e.p_value >= 0.05:
@@ -403,8 +403,9 @@ def test_windows_find_a_change_after_100_ms():
     record, onsets = stepping(late=1.6, noise=0.05, seed=1)
     w = quietly(ulna.compare_windows, record, window_s=0.1)
     assert len(w.onsets_s) == len(onsets)
-    # A thousandth of the range is reached 3 ms after such an onset.
-    assert np.abs(w.onsets_s - onsets).max() < 0.006
+    # The reference has no noise: its onset is found to a sample or two.
+    assert np.abs(w.onsets_s - onsets).max() < 0.0025
+    assert w.guard_s == pytest.approx(0.02)
     assert w.p_value < 0.01
     assert w.early["K"][0, 0] == pytest.approx(150.0, rel=0.1)
     assert w.late["K"][0, 0] == pytest.approx(240.0, rel=0.05)
@@ -503,7 +504,7 @@ def test_records_that_are_refused():
     values[1234] = np.nan
     with pytest.raises(ulna.DataError, match="row 1234"):
         identify(small(**{"tau": values}))
-    two = hand_record(seconds=3.0)
+    two = hand_record(seconds=12.0)
     with pytest.raises(ulna.ArgumentError, match="one joint"):
         ulna.identify_reflex(two)
     # One of two axes can be named.
@@ -574,7 +575,7 @@ def test_words(noisy):
     assert "delay" in repr(noisy) and "±" in repr(noisy)
     with pytest.raises(ulna.ArgumentError, match="no parameter"):
         noisy.value("x0")
-    e = quietly(ulna.identify_delayed_feedback, hand_record(noise=0.4, axes=2), lowpass_hz=15)
+    e = quietly(ulna.identify_delayed_feedback, hand_record(noise=0.2, axes=2), lowpass_hz=15)
     assert max(map(len, e.summary().split("\n"))) <= 80
     assert "Delay (95 % interval)" in e.summary() and "ms" in repr(e)
     assert np.array_equal(pickle.loads(pickle.dumps(e)).cov, e.cov)

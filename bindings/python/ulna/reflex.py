@@ -878,6 +878,8 @@ class WindowComparison:
         Percent, on the rows of the fit.
     onsets_s : ndarray
         Perturbations used.
+    guard_s : float
+        Left out on either side of the border, where the filter mixes both sides.
     outcome : str
         "good", "smeared" (the low pass reaches across the border), "ill_conditioned", "untested".
     """
@@ -896,6 +898,7 @@ class WindowComparison:
     early_vaf: np.ndarray
     late_vaf: np.ndarray
     onsets_s: np.ndarray
+    guard_s: float
     condition: float
     estimator: str
     outcome: str
@@ -999,7 +1002,8 @@ def compare_windows(
     """Impedance before the nervous system can react against impedance after.
 
     Every perturbation is cut, after the whole record has been filtered, into its first `window_s`
-    and the rest up to `after_s`. One fit to all of them gives B and K of either part and one M
+    and the rest up to `after_s`; a period of the low pass on either side of the border, where the
+    filter mixes both, is left out. One fit to all of them gives B and K of either part and one M
     (`free_inertia`: an M of its own in either). Force and position count from their means over
     `baseline_s` before the onset. Errors leave one perturbation out at a time.
 
@@ -1137,6 +1141,7 @@ def _comparison(handle: _Windows, record: Record, settings: dict[str, Any]) -> W
         early_vaf=values(lib.ULNA_WINDOWS_EARLY_VAF),
         late_vaf=values(lib.ULNA_WINDOWS_LATE_VAF),
         onsets_s=values(lib.ULNA_WINDOWS_ONSETS),
+        guard_s=info.guard_s,
         condition=info.condition,
         estimator="instrumental_variables" if instrumental else "least_squares",
         outcome=_first(_WINDOW_OUTCOMES, info.outcome),

@@ -260,6 +260,7 @@ typedef struct ulna_windows_info {
   double degrees;      /* of Student's t for intervals */
   double quantile;     /* of it, for 95 % on both sides */
   double condition;    /* of the regressors, in unit columns */
+  double guard_s;      /* left out on either side of the border: the filter mixes both */
   int64_t early_rows;  /* samples in windows */
   int64_t late_rows;   /* samples after them */
 } ulna_windows_info;

@@ -200,7 +200,7 @@ TEST(Windows, BothSidesOfTheBorderAreFound) {
     const double t = static_cast<double>(i) / kRate;
     parts.time.push_back(t);
     const double since = std::fmod(t, 2.0) - 0.5;
-    const double pulse = 6.0 + 2.0 * static_cast<double>(i / 2000 % 5);  // rad/s
+    const double pulse = 15.0 + 5.0 * static_cast<double>(i / 2000 % 5);  // rad/s
     double x = 0.0, v = 0.0, a = 0.0;
     if (since > 0.0 && since < 2.0 * kPi / pulse) {
       // (1 - cos)^2: starts and ends without a jump in acceleration.
@@ -218,13 +218,20 @@ TEST(Windows, BothSidesOfTheBorderAreFound) {
                     channel("x_ref", "m", Role::kReference)};
   const Record record = Record::make(std::move(parts));
   WindowOptions options;
+  for (int k = 0; k < 16; ++k) options.onsets_s.push_back(0.5 + 2.0 * k);
   const WindowComparison w = compare_windows(record, options);
-  EXPECT_EQ(w.onsets.size(), 15u);
+  EXPECT_EQ(w.onsets.size(), 16u);
   EXPECT_NEAR(w.late.k(0, 0), 225.0, 5.0);
   EXPECT_NEAR(w.late.b(0, 0), 12.0, 0.5);
   EXPECT_NEAR(w.early.k(0, 0), 150.0, 5.0 * std::sqrt(w.early.covariance(2, 2)) + 8.0);
   EXPECT_LT(w.p_value, 0.01);
-  EXPECT_DOUBLE_EQ(w.degrees, 14.0);
+  options.onsets_s.clear();  // found from the reference, whose motion begins with the fourth power
+  const WindowComparison found = compare_windows(record, options);
+  ASSERT_EQ(found.onset_time_s.size(), 16u);
+  for (int k = 0; k < 16; ++k) {
+    EXPECT_NEAR(found.onset_time_s[static_cast<std::size_t>(k)], 0.5 + 2.0 * k, 0.008);
+  }
+  EXPECT_DOUBLE_EQ(w.degrees, 15.0);
   options.onsets_s = {0.5, 0.4};
   EXPECT_THROW(compare_windows(record, options), Error);
   options.onsets_s = {0.5};
