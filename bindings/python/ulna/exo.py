@@ -199,7 +199,8 @@ class Plant:
         angle, rate, acceleration : array_like, shape (joints,) or (rows, joints)
         dynamics : {"nominal", "friction", "engine"}
             The description's rigid bodies; the same with damping and Coulomb friction; what the
-            physics engine needs, with friction, joint limits and unexcited muscles.
+            physics engine needs, with friction, joint limits and unexcited muscles. The engine's
+            Coulomb friction creeps: it is less than its limit below about 0.5 rad/s.
 
         Returns
         -------
