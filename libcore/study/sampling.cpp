@@ -108,6 +108,11 @@ Sampling::Sampling(const SamplingSpec& spec, Token* token) : Sampling(spec, Empt
   require(spec.sampler != Sampler::kPooledLatin || spec.scheme == Scheme::kSaltelli ||
               spec.scheme == Scheme::kRadial,
           "sampler", "a pooled latin hypercube makes saltelli and radial designs only");
+  require(
+      spec.sampler != Sampler::kPooledLatin || spec.scheme != Scheme::kRadial || spec.guard == 0.0,
+      "guard",
+      "consecutive rows of a pooled latin hypercube have no smallest step: leave out guard, or "
+      "take another sampler");
   require(spec.candidates >= 1, "candidates", "candidates must be at least 1");
   require(spec.candidates == 1 || (spec.sampler == Sampler::kLatin && spec.n <= kMaximinRows),
           "candidates",

@@ -64,7 +64,8 @@ class StudyDesign:
     second_order : bool
         Saltelli with the rows that second-order indices need.
     guard : float
-        Radial: smallest step, in quantiles; 0 for none.
+        Radial: smallest step, in quantiles; 0 for none. None: 0.25, and 0 of a pooled hypercube,
+        whose consecutive rows are not moved apart.
     levels : int
         Trajectories: of the grid.
     candidates : int
@@ -83,7 +84,7 @@ class StudyDesign:
     n: int = 1024
     replicates: int = 1
     second_order: bool = False
-    guard: float = 0.25
+    guard: float | None = None
     levels: int = 4
     candidates: int = 1
     seed: int = 0
@@ -101,6 +102,8 @@ class StudyDesign:
             factors[DUMMY] = Uniform(0.0, 1.0)
         put = object.__setattr__
         put(self, "factors", factors)
+        if self.guard is None:
+            put(self, "guard", 0.0 if self.sampler == "pooled-latin" else 0.25)
         chosen = self._options()
         if self.sampler == "given":
             points = None if self.points is None else view(self.points)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import contextlib
+import warnings
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -125,6 +127,19 @@ class GivenData:
         return "\n".join(lines)
 
 
+@contextlib.contextmanager
+def _undisturbed(seed: int) -> Iterator[None]:
+    """SALib draws from NumPy's global generator, ignores seed 0 and resets how warnings look."""
+    state, look = np.random.get_state(), warnings.formatwarning  # noqa: NPY002
+    try:
+        with warnings.catch_warnings():
+            np.random.seed(seed % 2**32)  # noqa: NPY002
+            yield
+    finally:
+        np.random.set_state(state)  # noqa: NPY002
+        warnings.formatwarning = look
+
+
 def given_data(
     runs: Runs, *, method: str, output: str | None, level: float, resamples: int, seed: int
 ) -> GivenData:
@@ -153,19 +168,22 @@ def given_data(
     names = list(runs.design.factors)
     problem = {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
     none = np.full(len(names), np.nan)
-    if method == "pawn":
-        out = pawn.analyze(problem, unit, y[rows], S=10, seed=seed)
-        value, half = np.asarray(out["median"]), none
-    elif method == "delta":
-        out = delta.analyze(
-            problem, unit, y[rows], num_resamples=resamples, conf_level=level, seed=seed
-        )
-        value, half = np.asarray(out["delta"]), np.asarray(out["delta_conf"])
-    else:
-        out = rbd_fast.analyze(
-            problem, unit, y[rows], num_resamples=resamples, conf_level=level, seed=seed
-        )
-        value, half = np.asarray(out["S1"]), np.asarray(out["S1_conf"])
+    with _undisturbed(seed):
+        if method == "pawn":
+            out = pawn.analyze(problem, unit, y[rows], S=10, seed=seed)
+            value, half = np.asarray(out["median"]), none
+        elif method == "delta":
+            out = delta.analyze(
+                problem, unit, y[rows], num_resamples=resamples, conf_level=level, seed=seed,
+                method="delta",
+            )  # fmt: skip
+            key = "delta" if "delta" in out else "delta_raw"  # 1.6 names three variants
+            value, half = np.asarray(out[key]), np.asarray(out[key + "_conf"])
+        else:
+            out = rbd_fast.analyze(
+                problem, unit, y[rows], num_resamples=resamples, conf_level=level, seed=seed
+            )
+            value, half = np.asarray(out["S1"]), np.asarray(out["S1_conf"])
     return GivenData(
         names=tuple(names),
         method=method,

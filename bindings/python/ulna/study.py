@@ -434,7 +434,7 @@ class Study:
         seed: int = 0,
         scheme: str = "radial",
         sampler: str = "latin",
-        guard: float = 0.25,
+        guard: float | None = None,
         levels: int = 4,
         replicates: int = 1,
         dummy: bool = False,
@@ -455,7 +455,8 @@ class Study:
             Of radial base points: "latin", "sobol", "monte-carlo", or "pooled-latin" for parity.
         guard : float
             Smallest step in quantiles: short steps divide rounding by nearly nothing. 0 for none,
-            which makes the total index available too.
+            which makes the total index available too. The default is 0.25, and none of a pooled
+            hypercube.
         levels : int
             Of the grid of trajectories.
         dummy : bool

@@ -5,13 +5,15 @@
  * A sampling is a design: points of the unit cube, a row a run, a column a factor. A factor's value
  * is the quantile of its coordinate (ulna_factor_quantile). Rows come in blocks, which are dropped,
  * resampled and counted as a whole:
- *   sample        1 row
- *   saltelli      A, AB_1 ... AB_G, B, with second order A, AB_1 ..., BA_1 ..., B; AB_g is A with
- * the factors of group g from B (the order of SALib) radial        a, then a with the factors of
- * one group from b, group after group trajectories  G + 1 rows, each moves one group A row is a
- * pure function of the options and its number. Indices are those of outputs y, one a row; Saltelli
- * et al. 2010, Jansen 1999, Janon et al. 2014, Martinez 2011, Saltelli 2002 (second order), Morris
- * 1991 and Campolongo et al. 2007, 2011 (elementary effects, in quantiles). */
+ * - sample: 1 row
+ * - saltelli: A, AB_1 ... AB_G, B, with second order A, AB_1 ..., BA_1 ..., B; AB_g is A with the
+ * factors of group g from B (the order of SALib)
+ * - radial: a, then a with the factors of one group from b, group after group
+ * - trajectories: G + 1 rows, each moves one group
+ *
+ * A row is a pure function of the options and its number. Indices are those of outputs y, one a
+ * row; Saltelli et al. 2010, Jansen 1999, Janon et al. 2014, Martinez 2011, Saltelli 2002 (second
+ * order), Morris 1991 and Campolongo et al. 2007, 2011 (elementary effects, in quantiles). */
 #ifndef ULNA_STUDY_H
 #define ULNA_STUDY_H
 
@@ -84,11 +86,11 @@ typedef struct ulna_sampling_options {
   int64_t levels;        /* of trajectories, even; 0: 4 */
   int64_t candidates;    /* latin: the best of so many by its smallest distance; 0: 1 */
   int64_t seed;          /* 0 is a seed */
-  double guard;          /* radial: smallest step in a quantile; 0: 0.25; < 0: none */
-  int32_t scheme;        /* ULNA_SCHEME_... */
-  int32_t sampler;       /* ULNA_SAMPLER_... */
-  int32_t second_order;  /* 1: saltelli with BA rows */
-  int32_t reserved;      /* zero */
+  double guard;    /* radial: smallest step in a quantile; 0: 0.25, none if pooled; < 0: none */
+  int32_t scheme;  /* ULNA_SCHEME_... */
+  int32_t sampler; /* ULNA_SAMPLER_... */
+  int32_t second_order; /* 1: saltelli with BA rows */
+  int32_t reserved;     /* zero */
 } ulna_sampling_options;
 
 /** Size of a design.
