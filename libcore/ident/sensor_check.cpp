@@ -18,8 +18,8 @@ namespace {
 constexpr double kGravity = 9.80665;
 constexpr int kHighpassOrder = 3;
 constexpr int kDriftOrder = 3;  // polynomial of a twice integrated bias and its start values
-constexpr Index kBlocks = 20;   // of the jackknife
-constexpr double kSure = 3.0;   // standard errors
+constexpr Index kJackknifeBlocks = 20;  // of the jackknife
+constexpr double kSure = 3.0;           // standard errors
 constexpr double kVisibleScale = 0.02;
 constexpr double kVisibleTurn = 2.0 * kPi / 180.0;
 
@@ -116,7 +116,7 @@ class Comparison {
   // the regression linearised in the lag).
   void errors(Index i, double lag, const Vector& gain, Vector& gain_error,
               double& lag_error) const {
-    std::vector<Matrix> blocks(kBlocks, Matrix::Zero(n_ + 2, n_ + 2));
+    std::vector<Matrix> blocks(kJackknifeBlocks, Matrix::Zero(n_ + 2, n_ + 2));
     Index total = 0;
     for (const Pair& pair : pairs_) total += std::max<Index>(pair.x.rows() - 2 * margin_, 0);
     const double h = 0.5 / rate_;
@@ -129,14 +129,14 @@ class Comparison {
       }
       Vector all(n_ + 2);
       all << values.head(n_), slope, values[n_];
-      blocks[static_cast<std::size_t>(std::min(kBlocks - 1, seen * kBlocks / total))] +=
-          all * all.transpose();
+      blocks[static_cast<std::size_t>(std::min(
+          kJackknifeBlocks - 1, seen * kJackknifeBlocks / total))] += all * all.transpose();
       ++seen;
     });
     Matrix sum = Matrix::Zero(n_ + 2, n_ + 2);
     for (const Matrix& block : blocks) sum += block;
-    Matrix estimates(kBlocks, n_ + 1);
-    for (Index b = 0; b < kBlocks; ++b) {
+    Matrix estimates(kJackknifeBlocks, n_ + 1);
+    for (Index b = 0; b < kJackknifeBlocks; ++b) {
       const Matrix left = sum - blocks[static_cast<std::size_t>(b)];
       estimates.row(b) = left.topLeftCorner(n_ + 1, n_ + 1)
                              .ldlt()
@@ -144,7 +144,8 @@ class Comparison {
                              .transpose();
     }
     const Matrix centred = estimates.rowwise() - estimates.colwise().mean();
-    const double factor = static_cast<double>(kBlocks - 1) / static_cast<double>(kBlocks);
+    const double factor =
+        static_cast<double>(kJackknifeBlocks - 1) / static_cast<double>(kJackknifeBlocks);
     const Vector error = (factor * centred.colwise().squaredNorm()).cwiseSqrt().transpose();
     gain_error = error.head(n_);
     lag_error = error[n_];

@@ -24,8 +24,8 @@ std::vector<Onset> given_onsets(const Record& record, const std::vector<double>&
 // Found: one in each segment where trials hold several, else everywhere that the reference leaves a
 // rest of rest_s. The signal is the reference, or without one (only in segments) the position; it
 // has left its rest when it is a thousandth of its range, and six standard deviations of its rest,
-// away, and the onset is where it then came from, a millionth or three deviations away. Throws Error
-// (kData) when there is nothing to find them from, or none is found.
+// away, and the onset is where it then came from, a millionth or three deviations away. Throws
+// Error (kData) when there is nothing to find them from, or none is found.
 std::vector<Onset> find_onsets(const Record& record, const Roles& roles, double rest_s,
                                double longest_s);
 

@@ -43,7 +43,7 @@ std::string unescaped(std::string_view text) {
   return out;
 }
 
-[[noreturn]] void refuse(const std::string& line) {
+[[noreturn]] void refuse_note(const std::string& line) {
   throw Error(Fault::kFormat, "path",
               "the comment \"#ulna " + line.substr(0, 60) +
                   "\" is damaged: remove the #ulna lines to read the table without them");
@@ -65,7 +65,7 @@ class NoteWords {
     const std::string_view text = word();
     Number value{};
     const auto result = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (result.ec != std::errc() || result.ptr != text.data() + text.size()) refuse(line_);
+    if (result.ec != std::errc() || result.ptr != text.data() + text.size()) refuse_note(line_);
     return value;
   }
   std::string until(char end) {
@@ -94,7 +94,7 @@ Notes parse_notes(const std::vector<std::string>& lines) {
       Notes::ChannelNote note;
       note.column = words.number<std::size_t>();
       const int role = words.number<int>();
-      if (role < 0 || role > 3) refuse(line);
+      if (role < 0 || role > 3) refuse_note(line);
       note.channel.role = static_cast<Role>(role);
       note.channel.axis = words.number<int>();
       note.channel.sign = words.number<int>();
@@ -112,7 +112,7 @@ Notes parse_notes(const std::vector<std::string>& lines) {
     } else if (kind == "provenance") {
       notes.provenance.push_back(words.until('\n'));
     } else {
-      refuse(line);
+      refuse_note(line);
     }
   }
   return notes;

@@ -37,7 +37,7 @@ std::string heading(const Channel& channel) {
   return out + "\"";
 }
 
-[[noreturn]] void refuse(const std::string& path, int code) {
+[[noreturn]] void refuse_write(const std::string& path, int code) {
   throw Error(Fault::kFile, "path",
               "\"" + path + "\" cannot be written: " + std::generic_category().message(code), path);
 }
@@ -58,7 +58,7 @@ class WholeFile {
       written_ = path_ + ".part";
     }
     file_.reset(std::fopen(written_.c_str(), "wb"));
-    if (file_ == nullptr) refuse(path, errno);
+    if (file_ == nullptr) refuse_write(path, errno);
   }
   WholeFile(const WholeFile&) = delete;
   WholeFile& operator=(const WholeFile&) = delete;
@@ -70,14 +70,15 @@ class WholeFile {
 
   void write(const std::string& text) {
     errno = 0;
-    if (std::fwrite(text.data(), 1, text.size(), file_.get()) != text.size()) refuse(path_, errno);
+    if (std::fwrite(text.data(), 1, text.size(), file_.get()) != text.size())
+      refuse_write(path_, errno);
   }
   void finish() {
     // The last bytes may fail only now.
     errno = 0;
-    if (std::fflush(file_.get()) != 0) refuse(path_, errno);
+    if (std::fflush(file_.get()) != 0) refuse_write(path_, errno);
     if (written_ != path_ && std::rename(written_.c_str(), path_.c_str()) != 0) {
-      refuse(path_, errno);
+      refuse_write(path_, errno);
     }
     file_.reset();
   }

@@ -170,7 +170,7 @@ def test_energy_balances():
     mechanism = PlanarRobot(dry_friction=(dry, dry))
     log = sim.simulate(
         arm_of(),
-        wave(6, 0.02),
+        wave(8, 0.02),
         robot=Robot(mechanism, base_m=(0, 0.903), base_angle_rad=-np.pi / 2),
         human=Human(tremor_n=1.0),
         sensors=EXACT,
@@ -504,7 +504,9 @@ def test_table_43_for_every_participant(row):
         small = energy_of(rigid(design.steps(size=2.0, unit="N", seed=seed), row))
         assert small.index < 0
         assert small.energy_j[-1] < 0
-        assert energy_of(rigid(design.steps(size=8.0, unit="N", seed=seed), row)).index > 0
+        # 8 N swing the softest arm by 0.2 m, into a stop of the robot; 7 N do not.
+        size = 7.0 if row == "P6" else 8.0
+        assert energy_of(rigid(design.steps(size=size, unit="N", seed=seed), row)).index > 0
 
 
 # Figures -----------------------------------------------------------------------------------------

@@ -1,14 +1,15 @@
 """What the source documents print, beside what comes out here.
 
 :func:`impedance` goes through every table of Dyck (2013). What follows from other tables is computed
-again; what needs recordings that were not published is named; what does not follow from the thesis' own equations is marked, with the reason.
+again; arms, rigs and the robot are simulated at the printed numbers and identified; what does not follow
+from the thesis' own equations is marked, with the reason; what needs recordings that were not published is
+named.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,16 @@ from typing import Any
 import numpy as np
 
 from . import _dyck2013 as dyck
+from . import _validate_simulated as simulated
 from ._page import document, table
+from ._published import (
+    Comparison,
+    PublishedTable,
+    compare,
+    compare_words,
+    computed,
+    rounding,
+)
 
 __all__ = ["Comparison", "PublishedTable", "Validation", "impedance"]
 
@@ -27,59 +37,6 @@ _STATUS = {
     "not recovered": "bad",
     "not published": "open",
 }
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """One published number or word beside ours.
-
-    Attributes
-    ----------
-    row, quantity, unit : str
-        Where it stands in the table.
-    published, ours : float or str
-    tolerance : float
-        How far they may differ: the rounding of what is printed and of what it is computed from, or
-        the accuracy that a simulated recording is asked to give. Zero for words.
-    agrees : bool
-    """
-
-    row: str
-    quantity: str
-    unit: str
-    published: float | str
-    ours: float | str
-    tolerance: float
-    agrees: bool
-
-
-@dataclass(frozen=True)
-class PublishedTable:
-    """A table of the document and what became of it.
-
-    Attributes
-    ----------
-    number, title : str
-        "3.3", "Ellipses of the relaxed arm ..."
-    status : str
-        "reproduced": it follows from other published numbers; "recovered": simulated recordings at
-        its numbers give them back; "does not follow": the document's own equations give something
-        else; "not recovered"; "not published": it needs recordings that are not available.
-    comparisons : tuple of Comparison
-    remarks : tuple of str
-        How it was done and why something differs.
-    """
-
-    number: str
-    title: str
-    status: str
-    comparisons: tuple[Comparison, ...] = field(repr=False)
-    remarks: tuple[str, ...] = field(repr=False)
-
-    @property
-    def agreeing(self) -> int:
-        """Number of comparisons that agree."""
-        return sum(item.agrees for item in self.comparisons)
 
 
 @dataclass(frozen=True)
@@ -107,7 +64,7 @@ class Validation:
         Examples
         --------
         >>> import ulna
-        >>> print(ulna.validate.impedance().summary().splitlines()[1])
+        >>> print(ulna.validate.impedance().summary().splitlines()[3])
         Table 3.3   reproduced       18 ellipses ...
         """
         lines = []
@@ -143,7 +100,7 @@ class Validation:
 
 
 def impedance() -> Validation:
-    """Go through the tables of Dyck (2013).
+    """Go through the tables of Dyck (2013); takes about ten seconds of simulated experiments.
 
     Examples
     --------
@@ -159,6 +116,7 @@ def impedance() -> Validation:
         _antisymmetry(),
         *(_verdicts(number) for number in ("3.2", "3.4", "4.1", "4.2")),
         _errors(),
+        *simulated.tables(),
         *_unpublished(),
     ]
     return Validation("Dyck (2013)", tuple(sorted(tables, key=lambda entry: _order(entry.number))))
@@ -171,31 +129,6 @@ def _order(number: str) -> tuple[str, float, str]:
 
 
 # What follows from printed numbers ---------------------------------------------------------------
-
-
-def rounding(value: Callable[[np.ndarray], float], inputs: np.ndarray, half_step: float) -> float:
-    """Furthest that rounding every input to the printed digits moves a computed value (linear)."""
-    total = 0.0
-    for i in np.ndindex(inputs.shape):
-        low, high = inputs.copy(), inputs.copy()
-        low[i] -= half_step
-        high[i] += half_step
-        total += abs(value(high) - value(low)) / 2
-    return total
-
-
-def compare(
-    row: str, quantity: str, unit: str, published: float, ours: float, tolerance: float
-) -> Comparison:
-    """Two numbers side by side."""
-    # 1e-9: a difference of printed decimals is exact but for the last bits.
-    agrees = bool(abs(published - ours) <= tolerance + 1e-9)
-    return Comparison(row, quantity, unit, published, float(ours), float(tolerance), agrees)
-
-
-def compare_words(row: str, quantity: str, published: str, ours: str) -> Comparison:
-    """Two words side by side."""
-    return Comparison(row, quantity, "", published, ours, 0.0, published == ours)
 
 
 def _ellipses(number: str, source: str, title: str) -> PublishedTable:
@@ -219,18 +152,11 @@ def _ellipses(number: str, source: str, title: str) -> PublishedTable:
                         published, value(matrix), tolerance,
                     )
                 )  # fmt: skip
-    return _computed(
+    return computed(
         number, title, found,
         f"Computed from the matrices of Table {source} by (3.14) to (3.17), the angle by atan2 "
         "modulo 180°. Numbers may differ by the rounding of what is printed there.",
     )  # fmt: skip
-
-
-def _computed(
-    number: str, title: str, found: Sequence[Comparison], *remarks: str
-) -> PublishedTable:
-    status = "reproduced" if all(item.agrees for item in found) else "does not follow"
-    return PublishedTable(number, title, status, tuple(found), remarks)
 
 
 def _excess() -> PublishedTable:
@@ -247,7 +173,7 @@ def _excess() -> PublishedTable:
         found.append(compare(word, "δ", "N s/m", published, least(b), tolerance))
         if published > b.diagonal().min():
             impossible.append(row if source == "3.2" else f"{row} underdamped")
-    return _computed(
+    return computed(
         "3.6", "Excess of passivity of the relaxed arm", found,
         "By Theorem 3.1 with (3.27), Z(jω) + Z(jω)ᴴ = B + Bᵀ at every frequency, so the excess is "
         "the smallest eigenvalue of (B + Bᵀ)/2. The printed values are not.",
@@ -274,7 +200,7 @@ def _antisymmetry() -> PublishedTable:
             )  # fmt: skip
         word = "under 15 %" if ours < dyck.ANTISYMMETRY_BOUND + tolerance else "above 15 %"
         found.append(compare_words(row, f"{100 * ours:.1f} % is", "under 15 %", word))
-    return _computed(
+    return computed(
         "3.6a", "Antisymmetry of the stiffness (section 3.6.1.2, Figures 3.12 and 3.13)", found,
         "(3.26) applied to the mean matrices of Table 3.2. The text has 11.5 % for P1 and less than "
         "15 % for all; the means give 8.5 % and, for P6, 16.4 %. Values of single trials, which the "
@@ -319,7 +245,7 @@ def _verdicts(number: str) -> PublishedTable:
             "All of these models are active, whatever their validity: "
             + ("B is indefinite." if number == "4.1" else "M is indefinite.")
         )
-    return _computed(f"{number}a", title, found, *remarks)
+    return computed(f"{number}a", title, found, *remarks)
 
 
 def _errors() -> PublishedTable:
@@ -338,7 +264,7 @@ def _errors() -> PublishedTable:
             found.append(
                 compare(f"{row}, method {method + 1}", "m", "kg", entries[method], ours, 0.0015)
             )
-    return _computed(
+    return computed(
         "5.4", "Errors of the mass-spring systems", found,
         "The text defines error = identified − theoretical; every entry is theoretical (Table 5.1) "
         "− identified (Table 5.3). Ours are computed with the second sign.",
@@ -415,9 +341,7 @@ def _cells(entry: PublishedTable) -> str:
     quantities = list(dict.fromkeys(item.quantity for item in entry.comparisons))
     units = {item.quantity: item.unit for item in entry.comparisons}
     at = {(item.row, item.quantity): item for item in entry.comparisons}
-    whole = all((row, quantity) in at for row in rows for quantity in quantities)
-    if len(quantities) <= 2 or len(quantities) > 9 or not whole:
-        # Too narrow, too wide, or with holes: a line a number.
+    if len(quantities) == 1 or len(quantities) > 9:  # too narrow or too wide: a line a number
         return table(
             ("Row", "Quantity", "Printed", "Ours", ""),
             [
@@ -428,11 +352,13 @@ def _cells(entry: PublishedTable) -> str:
             dense=True,
         )  # fmt: skip
     head = ["", *(escape(q) + (f" ({escape(units[q])})" if units[q] else "") for q in quantities)]
-    body = [[escape(row), *(_pair(at[row, q]) for q in quantities)] for row in rows]
+    body = [[escape(row), *(_pair(at.get((row, q))) for q in quantities)] for row in rows]
     return table(head, body, dense=True)
 
 
-def _pair(item: Comparison) -> str:
+def _pair(item: Comparison | None) -> str:
+    if item is None:
+        return ""
     mark = "" if item.agrees else " ✗"
     return (
         f'<span class="soft">{_shown(item.published, item)}</span><br>'
