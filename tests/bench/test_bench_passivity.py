@@ -1,4 +1,4 @@
-"""Passivity of a two-port of order four, beside python-control's linear matrix inequality.
+"""Passivity of linear systems beside python-control's linear matrix inequality.
 
 The peer is asked the same: is it passive, and its two indices (it has no relative index and cannot
 take improper systems or poles on the axis). Here one call gives all of that and the relative index.
@@ -13,20 +13,33 @@ import ulna
 control = pytest.importorskip("control")
 pytest.importorskip("cvxopt")
 
-# Damped, and with direct feedthrough: the peer's inequality is well posed.
-A = np.array([[-1.0, 2.0, 0, 0], [-2.0, -1.0, 0, 0], [0, 0, -0.4, 3.0], [0, 0, -3.0, -0.4]])
-B = np.array([[1.0, 0.0], [0.2, 0.5], [0.0, 1.0], [0.3, 0.1]])
-C = B.T + np.array([[0.0, 0.1, 0.0, 0.2], [0.0, 0.0, 0.1, 0.0]])
-D = np.array([[0.6, 0.1], [0.0, 0.8]])
 LEAST = 20.0
 
 
-def mine():
-    return ulna.passivity.indices(ulna.StateSpace(A, B, C, D))
+def collocated(ports, states, seed):
+    """Damped, with direct feedthrough and C near to B': passive, and the inequality is well posed."""
+    rng = np.random.default_rng(seed)
+    a = rng.normal(size=(states, states))
+    a = a - a.T - np.diag(rng.uniform(0.3, 2.0, states))
+    b = rng.normal(size=(states, ports))
+    c = b.T + 0.1 * rng.normal(size=(ports, states))
+    return a, b, c, np.diag(rng.uniform(0.6, 1.0, ports))
 
 
-def theirs():
-    system = control.ss(A, B, C, D)
+SYSTEMS = {
+    "one port, order 2": collocated(1, 2, 1),
+    "one port, order 6": collocated(1, 6, 2),
+    "two ports, order 4": collocated(2, 4, 3),
+    "three ports, order 8": collocated(3, 8, 4),
+}
+
+
+def mine(parts):
+    return ulna.passivity.indices(ulna.StateSpace(*parts))
+
+
+def theirs(parts):
+    system = control.ss(*parts)
     return (
         control.ispassive(system),
         control.get_input_ff_index(system),
@@ -34,32 +47,36 @@ def theirs():
     )
 
 
-@pytest.mark.benchmark(group="passivity of a two-port of order four")
-def test_ulna(benchmark):
-    assert benchmark(mine).verdict == "passive"
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_ulna(benchmark, name):
+    benchmark.group = f"passivity: {name}"
+    assert benchmark(mine, SYSTEMS[name]).verdict == "passive"
 
 
-@pytest.mark.benchmark(group="passivity of a two-port of order four")
-def test_python_control(benchmark):
-    assert benchmark.pedantic(theirs, rounds=5)[0]
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_python_control(benchmark, name):
+    benchmark.group = f"passivity: {name}"
+    assert benchmark.pedantic(theirs, (SYSTEMS[name],), rounds=5)[0]
 
 
-def best_of(function, rounds):
+def best_of(function, parts, rounds):
     times = []
     for _ in range(rounds):
         begin = time.perf_counter()
-        function()
+        function(parts)
         times.append(time.perf_counter() - begin)
     return min(times)
 
 
-def test_ratio(say):
-    passive, nu, rho = theirs()
-    found = mine()
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_ratio(say, name):
+    parts = SYSTEMS[name]
+    passive, nu, rho = theirs(parts)
+    found = mine(parts)
     assert passive and found.verdict == "passive"
     # An interior-point solver stops some 1e-6 short.
     assert found.input == pytest.approx(nu, abs=1e-5)
     assert found.output == pytest.approx(rho, abs=1e-5)
-    ratio = best_of(theirs, 5) / best_of(mine, 50)
-    say(f"passivity indices: {ratio:.0f} times as fast as python-control")
+    ratio = best_of(theirs, parts, 5) / best_of(mine, parts, 50)
+    say(f"passivity indices, {name}: {ratio:.0f} times as fast as python-control")
     assert ratio >= LEAST

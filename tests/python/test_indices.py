@@ -102,58 +102,141 @@ def test_an_estimate(bundled):
     assert passivity.indices(bundled, antisymmetry_threshold=0.0).verdict == "not passive"
 
 
-def random_system(rng):
+# Random systems ----------------------------------------------------------------------------------
+
+# The full size runs with the longer studies.
+COUNTS = [150, pytest.param(10_000, marks=pytest.mark.slow)]
+
+
+def random_polynomial(rng, degree, stable):
+    """Of real and complex roots over some decades; unless stable, some in the right half-plane."""
+    p = np.ones(1)
+    while degree > 0:
+        w, zeta = np.exp(2 * rng.normal()), rng.uniform(0.05, 1.55)
+        if not stable and rng.random() < 0.3:
+            zeta = -zeta
+        pair = degree >= 2 and rng.random() < 0.6
+        p = np.polymul(p, [1, 2 * zeta * w, w * w] if pair else [1, np.sign(zeta) * w])
+        degree -= 2 if pair else 1
+    return p
+
+
+def random_rational(rng):
+    """One to three ports, proper and improper, orders to six, some unstable; rows of num and den."""
+    n = int(rng.integers(1, 4))
+    common = random_polynomial(rng, int(rng.integers(7)), rng.random() < 0.9)
+    shared, damped = rng.random() < 0.5, rng.random() < 0.75
+    num, den = np.empty((n, n), dtype=object), np.empty((n, n), dtype=object)
+    for i, j in np.ndindex(n, n):
+        most = int(rng.integers(3 if n > 1 else 7))
+        d = common if shared else random_polynomial(rng, most, rng.random() < 0.95)
+        degree = max(0, d.size - 1 + int(rng.integers(-1, 2)))
+        p = np.exp(rng.normal()) * random_polynomial(rng, degree, rng.random() < 0.8)
+        if i == j:
+            p = np.abs(p)
+            p = np.polyadd(p, np.exp(1.5 * rng.normal()) * d) if damped else p
+        num[i, j], den[i, j] = rng.choice([-1.0, 1.0]) * p if i != j else p, d
+    return num.tolist(), den.tolist()
+
+
+def evaluated(num, den, omega):
+    s = 1j * omega
+    rows = zip(num, den, strict=True)
+    return np.stack(
+        [
+            np.stack([np.polyval(p, s) / np.polyval(q, s) for p, q in zip(*row, strict=True)], -1)
+            for row in rows
+        ],
+        -2,
+    )
+
+
+def least(h):
+    return np.linalg.eigvalsh((h + h.conj().swapaxes(-1, -2)) / 2)[..., 0]
+
+
+@pytest.mark.parametrize("count", COUNTS)
+def test_random_systems_agree_with_a_sweep(count):
+    """NumPy's sweep over ten decades: the indices bound it, are met, and have its verdict."""
+    rng = np.random.default_rng(3)
+    decided = 0
+    for trial in range(count):
+        num, den = random_rational(rng)
+        h = tf(num, den)
+        scale = np.exp(np.mean([np.log(abs(p)) for p in h.poles() if p] or [0.0]))
+        omega = scale * np.geomspace(1e-5, 1e5, 600)
+        at = evaluated(num, den, omega)
+        one = np.eye(len(num))
+        swept = least(at)
+        size = np.linalg.norm(at[swept.argmin()])
+        found = passivity.indices(h.to_state_space() if rng.random() < 0.3 else h)
+        # What rounding leaves of the samples, most at the ends of the sweep.
+        assert found.input <= swept.min() + 1e-7 * (abs(swept.min()) + 1e-3 * size), trial
+        inverse = least(np.linalg.inv(at)).min()
+        assert found.output <= inverse + 1e-7 * abs(inverse) + 1e-9, trial
+        gain = np.linalg.norm((one - at) @ np.linalg.inv(one + at), 2, axis=(1, 2)).max()
+        assert found.relative >= gain * (1 - 1e-7), trial
+        here = found.input_frequency_rad_s
+        if np.isfinite(found.input) and 0 < here < INF:
+            value = evaluated(num, den, np.array([here]))
+            assert least(value)[0] == pytest.approx(
+                found.input, rel=1e-6, abs=1e-9 * np.linalg.norm(value)
+            ), trial
+        # Where the sweep decides: an unstable mode does not show in it, nor what a pole on the axis
+        # or infinity leaves.
+        stable = np.all(h.poles().real <= 0)
+        clear = 1e-6 * size
+        if stable and swept.min() < -clear:
+            assert found.verdict == "not passive", trial
+            decided += 1
+        elif stable and swept.min() > clear and np.isfinite([found.input, here]).all():
+            assert found.verdict == "passive", trial
+            decided += 1
+        elif not stable and found.verdict == "passive":
+            assert found.notes, trial
+    assert decided > 0.6 * count
+
+
+def random_space(rng):
     """Two ports of order up to four with a spread of frequencies, damped or nearly so."""
     n = int(rng.integers(1, 5))
     a = rng.normal(size=(n, n))
     a -= (np.linalg.eigvals(a).real.max() + rng.exponential(0.3) + 1e-3) * np.eye(n)
-    b, c = rng.normal(size=(2, n, 2))
+    b = rng.normal(size=(n, 2))
+    c = b.T + rng.exponential(0.7) * rng.normal(size=(2, n))  # near to collocated, or not
     d = np.diag(rng.exponential(2.0, 2)) + 0.3 * rng.normal(size=(2, 2))
-    return a, b, c.T, d
+    return a, b, c, d
 
 
-def test_random_systems_agree_with_a_sweep():
-    rng = np.random.default_rng(3)
-    for _ in range(150):
-        a, b, c, d = random_system(rng)
-        found = passivity.indices(ulna.StateSpace(a, b, c, d))
-        omega = np.concatenate([[0.0], np.geomspace(1e-3, 1e4, 700)])
-        h = np.array([c @ np.linalg.solve(1j * w * np.eye(len(a)) - a, b) + d for w in omega])
-        swept = np.linalg.eigvalsh((h + h.conj().transpose(0, 2, 1)) / 2)[:, 0]
-        assert found.input <= swept.min() + 1e-9
-        curve = found.curves(omega)[:, 0]
-        assert np.allclose(curve, swept, atol=1e-9)
-        if np.isfinite(found.input_frequency_rad_s):
-            here = found.curves([found.input_frequency_rad_s])[0, 0]
-            assert here == pytest.approx(found.input, abs=1e-9)
-        if abs(swept.min()) > 1e-3:
-            # A dip between the samples goes deeper by far less than this.
-            assert found.verdict == ("passive" if swept.min() > 0 else "not passive")
-
-
-def test_beside_python_control():
+@pytest.mark.parametrize("count", [12, pytest.param(300, marks=pytest.mark.slow)])
+def test_beside_python_control(count):
     """Where its linear matrix inequality can be solved, the answer is the same."""
     control = pytest.importorskip("control")
     pytest.importorskip("cvxopt")
     rng = np.random.default_rng(8)
-    compared = 0
-    for _ in range(12):
-        a, b, c, d = random_system(rng)
-        theirs = control.ss(a, b, c, d)
+    verdicts = {True: 0, False: 0}
+    indices = 0
+    for trial in range(count):
+        theirs = control.ss(*random_space(rng))
         mine = passivity.indices(theirs)
         if abs(mine.input) > 1e-2:
-            assert control.ispassive(theirs) == (mine.verdict == "passive")
-            compared += 1
+            passive = bool(control.ispassive(theirs))
+            assert passive == (mine.verdict == "passive"), trial
+            verdicts[passive] += 1
         if mine.verdict != "passive":
             continue
-        try:
-            found = control.get_input_ff_index(theirs)
-        except (RuntimeError, ValueError):
-            continue
-        # An interior-point solver stops some 1e-6 short.
-        assert mine.input == pytest.approx(found, abs=1e-4)
-        compared += 1
-    assert compared >= 8
+        for value, peer in (
+            (mine.input, control.get_input_ff_index),
+            (mine.output, control.get_output_fb_index),
+        ):
+            try:
+                index = peer(theirs)
+            except (RuntimeError, ValueError):
+                continue
+            # An interior-point solver stops some 1e-6 short.
+            assert value == pytest.approx(index, abs=1e-4), trial
+            indices += 1
+    assert min(verdicts.values()) >= count / 6 and indices >= count / 4
 
 
 def test_words_and_figures():
@@ -231,6 +314,90 @@ def test_curves_of_a_two_port():
     assert np.allclose(margin, 2 * r1 * (r2 - 0.5) - k.real - np.abs(k))
     assert np.allclose(tolerable, r2 - (k.real + np.abs(k)) / (2 * r1))
     assert found.margin <= margin.min() and found.largest_shortage <= tolerable.min()
+
+
+def random_network(rng):
+    """z of two rows: damped own impedances, some with a mass, and couplings of any size."""
+    poles = [[1, np.exp(rng.normal())] for _ in range(5)]
+    shared = rng.random() < 0.6
+    common = np.ones(1)
+    for pole in poles[: int(rng.integers(4))]:
+        common = np.polymul(common, pole)
+    coupling = np.exp(1.2 * rng.normal())
+    num, den = [], []
+    for k in range(4):
+        own = k in (0, 3)
+        d = common if shared else np.array([1, np.exp(rng.normal())])
+        p = rng.normal(size=d.size) * (1.0 if own else coupling)
+        if own:
+            p = np.abs(p) + 2 * np.exp(rng.normal()) * d
+            if rng.random() < 0.3:
+                p = np.polyadd(p, np.exp(rng.normal()) * np.polymul(d, [1, 0]))
+        num.append(p)
+        den.append(d)
+    return [num[:2], num[2:]], [den[:2], den[2:]]
+
+
+def worst_terminated(z11, k, c):
+    """Least Re(z11 - k / (c + j x)) over x, by trial: every frequency at once."""
+    angle = np.linspace(-1.57, 1.57, 201)
+    values = (z11[:, None] - k[:, None] / (c[:, None] * (1 + 1j * np.tan(angle)))).real
+    best = angle[values.argmin(axis=1)]
+    value, step = values.min(axis=1), angle[1] - angle[0]
+    for _ in range(30):
+        for moved in (best - step, best + step):
+            here = (z11 - k / (c * (1 + 1j * np.tan(moved)))).real
+            best, value = np.where(here < value, moved, best), np.minimum(here, value)
+        step *= 0.7
+    return value
+
+
+def loop_unstable(num, den, first, second):
+    """Of the network between (m s + b + k / s) and another, given as [m, b, k]."""
+    x = np.polyadd(np.polymul(num[0][0], [1, 0]), np.polymul(first, den[0][0]))
+    y = np.polyadd(np.polymul(num[1][1], [1, 0]), np.polymul(second, den[1][1]))
+    direct = np.polymul(np.polymul(x, y), np.polymul(den[0][1], den[1][0]))
+    across = np.polymul(np.polymul(num[0][1], num[1][0]), np.polymul(den[0][0], den[1][1]))
+    roots = np.roots(np.polysub(direct, np.polymul(across, [1, 0, 0])))
+    return np.any(roots.real > 1e-3 * np.abs(roots))
+
+
+@pytest.mark.parametrize("count", COUNTS)
+def test_random_networks_agree_with_the_worst_termination(count):
+    """No network is called stable that a termination found by brute force makes unstable."""
+    rng = np.random.default_rng(11)
+    verdicts = {"absolutely stable": 0, "not absolutely stable": 0, "undecided": 0}
+    for trial in range(count):
+        num, den = random_network(rng)
+        z = tf(num, den)
+        a = 0.0 if rng.random() < 0.5 else rng.normal()
+        port = int(rng.integers(1, 3))
+        found = passivity.two_port(z, shortage=a, port=port)
+        verdicts[found.verdict] += 1
+        omega = np.geomspace(1e-4, 1e4, 200)
+        at = evaluated(num, den, omega)
+        far, own = at[:, 2 - port, 2 - port], at[:, port - 1, port - 1]
+        k, c = at[:, 0, 1] * at[:, 1, 0], own.real - a
+        worst = (c / np.abs(own)).min()
+        some = c > 0
+        if some.any():
+            size = np.abs(far[some]) + np.abs(k[some]) / c[some]
+            worst = min(worst, (worst_terminated(far[some], k[some], c[some]) / size).min())
+        if worst < -1e-9:
+            assert found.verdict != "absolutely stable", (trial, found.reason)
+        # A dip between two samples is no deeper than 1e-4 of the size.
+        if worst > 1e-4 and 1e-4 < found.margin_frequency_rad_s < 1e4:
+            assert found.verdict != "not absolutely stable", (trial, found.reason)
+        tolerable = (own.real - (k.real + np.abs(k)) / (2 * far.real)).min()
+        assert found.largest_shortage <= tolerable + 1e-9 * (1 + abs(tolerable)), trial
+        if found.verdict != "absolutely stable":
+            continue
+        for _ in range(4):
+            m, s = np.where(rng.random(4) < 0.5, 0.0, np.exp(2 * rng.normal(size=4))).reshape(2, 2)
+            passive, active = [m[0], 0.0, s[0]], [m[1], -a, s[1]]
+            ends = (passive, active) if port == 2 else (active, passive)
+            assert not loop_unstable(num, den, *ends), trial
+    assert min(verdicts["absolutely stable"], verdicts["not absolutely stable"]) > 0.2 * count
 
 
 # What a delay allows -----------------------------------------------------------------------------

@@ -58,11 +58,19 @@ class ResponseEstimate:
 
     @property
     def phase_rad(self) -> np.ndarray:
-        """Phase, unwrapped over the excited frequencies, rad."""
+        """Phase, rad; unwrapped over the frequencies at which it is well known.
+
+        That is where the circle's radius is below half the magnitude: noise alone reaches the
+        magnitude of its circle in one case of twenty, and twice that next to never. Elsewhere the
+        phase is given within half a turn of the last one that is well known.
+        """
         out = np.full(self.value.shape, np.nan)
         for place in np.ndindex(*self.value.shape[1:]):
-            known = np.isfinite(self.value[(slice(None), *place)])
-            out[(known, *place)] = np.unwrap(np.angle(self.value[(known, *place)]))
+            value, radius = self.value[(slice(None), *place)], self.radius[(slice(None), *place)]
+            known = np.isfinite(value)
+            angle = np.angle(value[known])
+            firm = ~(radius[known] >= 0.5 * np.abs(value[known]))
+            out[(known, *place)] = _unwrapped(angle, firm)
         return out
 
     @property
@@ -82,13 +90,13 @@ class ResponseEstimate:
     def summary(self) -> str:
         """What was estimated and how well, in a few lines."""
         known = np.isfinite(self.value).all(axis=(1, 2))
-        relative = self.radius[known] / np.abs(self.value[known])
+        share = 100 * np.median(self.radius[known] / np.abs(self.value[known]))
         lines = [
             repr(self)[1:-1],
             f"  {int(known.sum())} frequencies from {self.freq_hz[known][0]:.3g} to "
             f"{self.freq_hz[known][-1]:.3g} Hz, {self.averages:.3g} independent averages",
             f"  radius of the {100 * self.confidence:.3g} % circle: "
-            f"{100 * np.median(relative):.2g} % of the magnitude in the median",
+            f"{share:.{0 if share >= 10 else 1}f} % of the magnitude in the median",
         ]
         if self.coherence is not None:
             lines.append(f"  coherence: {np.nanmedian(self.coherence):.3f} in the median")
@@ -112,6 +120,17 @@ class ResponseEstimate:
             f"<ResponseEstimate {', '.join(self.output_names)} over {', '.join(self.input_names)} "
             f"by {self.method}: {self.freq_hz.size} frequencies to {self.freq_hz[-1]:.4g} Hz>"
         )
+
+
+def _unwrapped(angle: np.ndarray, firm: np.ndarray) -> np.ndarray:
+    """Angles as close as turns allow to the last firm one before them."""
+    out = angle.copy()
+    at = np.flatnonzero(firm)
+    if not at.size:
+        return out
+    out[at] = np.unwrap(angle[at])
+    before = np.maximum.accumulate(np.where(firm, np.arange(angle.size), at[0]))
+    return out + 2 * np.pi * np.round((out[before] - out) / (2 * np.pi))
 
 
 def frf(

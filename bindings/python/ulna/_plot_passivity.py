@@ -58,9 +58,9 @@ def _window(values: np.ndarray, marks: list[float]) -> tuple[float, float]:
 def _nyquist(found: Any, ax: Any, omega: np.ndarray) -> None:
     loci = _loci(found, omega)
     for k in range(loci.shape[1]):
-        label = "w > 0" if k == 0 else None
-        ax.plot(loci[:, k].real, loci[:, k].imag, color=BLUE, label=label)
-        ax.plot(loci[:, k].real, -loci[:, k].imag, color=BLUE, ls=":", lw=0.9)
+        labels = ("$\\omega$ > 0", "$\\omega$ < 0") if k == 0 else (None, None)
+        ax.plot(loci[:, k].real, loci[:, k].imag, color=BLUE, label=labels[0])
+        ax.plot(loci[:, k].real, -loci[:, k].imag, color=BLUE, ls=":", lw=0.9, label=labels[1])
     marks = [0.0, found.input] if np.isfinite(found.input) else [0.0]
     ax.set_xlim(*_window(loci.real, marks))
     height = max(abs(edge) for edge in _window(loci.imag, [0.0]))
@@ -74,6 +74,7 @@ def _nyquist(found: Any, ax: Any, omega: np.ndarray) -> None:
     ax.set_xlabel("real part" + (" of the eigenvalues" if several else ""))
     ax.set_ylabel("imaginary part")
     ax.set_title("Nyquist plot")
+    ax.legend(loc="best", fontsize=7)
 
 
 def _over_frequency(
