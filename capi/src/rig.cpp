@@ -111,6 +111,7 @@ ulna_gauge_line line_struct(const CalibrationLine& in) {
   out.fit_p = in.fit_p;
   out.curvature_p = in.curvature_p;
   out.largest_residual = in.largest_residual;
+  out.outlier_p = in.outlier_p;
   out.largest_row = in.largest_row;
   out.points = in.points;
   return out;

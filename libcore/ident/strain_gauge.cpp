@@ -121,6 +121,22 @@ CalibrationLine calibrate_line(const Vector& volts, const Vector& forces, const 
     }
   }
 
+  // Points on the line to rounding: neither a stray point nor a curvature to speak of.
+  const bool exact = sum <= 1e-24 * y.squaredNorm();
+  const double r2 = out.largest_residual * out.largest_residual;
+  if (exact) {
+    out.outlier_p = 1.0;
+  } else if (absolute) {
+    out.outlier_p = std::min(1.0, static_cast<double>(n) * chi_square_tail(r2, 1.0));
+  } else if (n > 3) {
+    // An internally studentised residual is at most sqrt(dof), whatever the point: take it out of
+    // the scatter that it is compared with.
+    const double t = std::sqrt(r2 * (dof - 1.0) / std::max(0.0, dof - r2));
+    out.outlier_p = std::min(1.0, static_cast<double>(n) * student_p(t, dof - 1.0));
+  } else {
+    out.outlier_p = kNaN;
+  }
+
   out.curvature_p = kNaN;
   if (n > 3) {
     // What V^2 holds beside the line, and how much of the residuals that explains.
@@ -130,8 +146,6 @@ CalibrationLine calibrate_line(const Vector& volts, const Vector& forces, const 
       const double coefficient = left.dot(residual) / left.squaredNorm();
       const double rest = std::max(sum - coefficient * coefficient * left.squaredNorm(), 0.0);
       const double variance = absolute ? 1.0 : rest / (dof - 1.0);
-      // Points on the line to rounding have no curvature to speak of.
-      const bool exact = sum <= 1e-24 * y.squaredNorm();
       const double t = coefficient * left.norm() / std::sqrt(variance);
       out.curvature_p = exact      ? 1.0
                         : absolute ? chi_square_tail(t * t, 1.0)

@@ -22,6 +22,10 @@ struct CalibrationLine {
   double curvature_p = 1.0;  // chance of a quadratic part this large for a true line; NaN: 3 points
   double largest_residual = 0.0;  // internally studentised
   Index largest_row = 0;
+  // Chance that the largest of all these residuals is so large for a true line, when the other
+  // points give the scatter (the externally studentised residual, by Bonferroni); NaN: no scatter
+  // left.
+  double outlier_p = 1.0;
   Index points = 0;
 };
 

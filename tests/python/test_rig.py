@@ -286,6 +286,17 @@ def test_a_bad_calibration_says_so():
     assert any("scatter more" in words for words in scattered.warnings)
     stray = np.where(np.arange(13) == 3, forces + 5, forces)
     assert "Point 3" in calibrate_line(volts, stray).warnings[-1]
+    # The externally studentised residual by hand: point 3 against the line through the others.
+    others = np.arange(13) != 3
+    slope, intercept = np.polyfit(volts[others], stray[others], 1)
+    scatter = (stray - slope * volts - intercept)[others]
+    spread = np.sqrt(scatter @ scatter / 10)
+    off = volts[3] - volts[others].mean()
+    lever = 1 + 1 / 12 + off**2 / np.sum((volts[others] - volts[others].mean()) ** 2)
+    t = (stray[3] - slope * volts[3] - intercept) / (spread * np.sqrt(lever))
+    mild = np.where(np.arange(13) == 3, forces + 0.08, forces)
+    assert calibrate_line(volts, stray).outlier_p == pytest.approx(26 * stats.t.sf(t, 10), abs=1e-12)
+    assert 1e-6 < calibrate_line(volts, mild).outlier_p < 0.05
 
 
 @pytest.mark.parametrize(
@@ -520,7 +531,7 @@ def test_figures_draw_into_given_axes():
     check = cross_check(sensors(), acceleration="a")
     grid = check.plot()
     assert grid.shape == (2, 2)
-    assert "gain" in grid[0, 1].get_title()
+    assert "Gain" in grid[0, 1].get_title(loc="left")
     with pytest.raises(ulna.ArgumentError, match="axes must hold"):
         array.plot(axes=axes[:1])
     plt.close("all")

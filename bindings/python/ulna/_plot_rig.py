@@ -84,10 +84,10 @@ def spring_array(
             *(place + _ellipse_line(np.asarray(wanted), scale)).T, color=ORANGE, lw=1.4,
             ls=(0, (3, 1.2)), zorder=4, label="wanted",
         )  # fmt: skip
-        left.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
+        _legend_above(left)
     left.plot(*place, "o", ms=4, color=BLUE, zorder=6)
     if wanted is None:
-        left.set_title("springs and stiffness")
+        left.set_title("Springs and stiffness")
     _square(left, centre, 1.12 * half.max())
 
     span = 2.2e3 * radius_m
@@ -115,9 +115,14 @@ def spring_array(
         color=INK, lw=1.0, ls="--", zorder=4,
     )  # fmt: skip
     largest = float(np.linalg.norm(arrows, axis=-1).max())
-    right.set_title(f"force on the handle, up to {largest:.2g} N")
+    right.set_title(f"Force on the handle, up to {largest:.2g} N")
     _square(right, place, span)
     return grid
+
+
+def _legend_above(ax: Any) -> None:
+    """A legend over the right end of the axes, where it hides no data."""
+    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
 
 
 def _rectangle(*args: Any, **options: Any) -> Any:
@@ -154,7 +159,7 @@ def sensor_check(check: Any, axes: Any = None, *, seconds: float = 8.0) -> np.nd
             label=f"{check.accelerations[i]}, twice integrated",
         )  # fmt: skip
         left.set_ylabel("slow drift removed (mm)")
-        left.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
+        _legend_above(left)
         left.margins(x=0)
         step = max(1, len(p) // 1500)
         right.plot(x[::step], p[::step], ".", ms=2, color=SKY, alpha=0.6)
@@ -162,7 +167,7 @@ def sensor_check(check: Any, axes: Any = None, *, seconds: float = 8.0) -> np.nd
         right.plot([-bound, bound], [-bound, bound], color=INK, lw=0.9, ls="--")
         gain = check.gain[i, i]
         right.plot([-bound, bound], [-gain * bound, gain * bound], color=ORANGE, lw=1.3)
-        right.set_title(f"gain {gain:.3f} ± {check.gain_se[i, i]:.1g}")
+        right.set_title(f"Gain {gain:.3f} ± {check.gain_se[i, i]:.1g}")
         right.set_ylabel(f"{check.accelerations[i]} (mm)")
     grid[-1, 0].set_xlabel("time (s)")
     grid[-1, 1].set_xlabel("encoder (mm)")
@@ -212,7 +217,7 @@ def virtual_force(
         top.fill_between(t, virtual - band[:, i], virtual + band[:, i], color=SKY, alpha=0.45, lw=0)
         top.plot(t, virtual, color=BLUE, lw=1.0, label="virtual sensor")
         top.set_ylabel(f"{name} (N)")
-        top.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
+        _legend_above(top)
         low.fill_between(
             t, -band[:, i], band[:, i], color=SKY, alpha=0.45, lw=0, label="95 % budget"
         )
@@ -220,7 +225,7 @@ def virtual_force(
         if beside:
             low.plot(t, virtual - truth, color=ORANGE, lw=0.9, label="virtual − sensor")
         low.set_ylabel("error (N)")
-        low.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1)
+        _legend_above(low)
         for ax in (top, low):
             ax.margins(x=0)
     grid[-1, 0].set_xlabel("time (s)")

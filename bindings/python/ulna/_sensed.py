@@ -168,9 +168,11 @@ class SensedForce:
 
     def summary(self) -> str:
         """Where the force comes from and how uncertain it is, as text."""
+        from ._words import _paragraph
+
         force = self.force
         size = np.sqrt(np.mean((force - force.mean(axis=0)) ** 2, axis=0))
-        out = [f"{self.record.provenance[-1]}", ""]
+        out = [_paragraph(self.record.provenance[-1]), ""]
         names = [self.record.channels[c].name for c in self.record.with_role("force")]
         table = {"force": size} | {
             name: np.sqrt(np.mean(values**2, axis=0)) for name, values in self.parts.items()

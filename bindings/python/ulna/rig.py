@@ -552,18 +552,20 @@ class TaredImpedance:
 
     def summary(self) -> str:
         """Measured, rig and hand side by side, as text."""
-        out = [f"{'':<8}{'measured':>20}{'empty rig':>20}{'hand':>20}"]
+        from ._words import _entry
+
+        out = [f"{'':<6}{'measured':>22}{'empty rig':>22}{'hand':>22}"]
         units = self.measured.units
         for name in ("M", "B", "K"):
             for k in range(len(self.axes) ** 2):
                 i, j = divmod(k, len(self.axes))
                 cells = [
-                    f"{getattr(e, name)[i, j]:.4g} ± {e.se(name)[i, j]:.2g}"
+                    _entry(getattr(e, name)[i, j], e.se(name)[i, j])
                     for e in (self.measured, self.rig, self)
                 ]
                 label = f"{name}_{self.axes[i]}{self.axes[j]}"
                 out.append(
-                    f"{label:<8}" + "".join(f"{cell:>20}" for cell in cells) + f" {units[name]}"
+                    f"{label:<6}" + "".join(f"{cell:>22}" for cell in cells) + f" {units[name]}"
                 )
         least = np.linalg.eigvalsh(0.5 * (self.M + self.M.T))[0]
         if least < 0:
@@ -712,6 +714,8 @@ class CalibrationLine:
         Chance of a quadratic part this large for a true line; NaN for three points.
     largest_residual : float
         Studentised, of the point `largest_row`.
+    outlier_p : float
+        Chance of a largest residual like this for a true line; NaN for three points.
     points : int
     """
 
@@ -726,6 +730,7 @@ class CalibrationLine:
     fit_p: float = np.nan
     curvature_p: float = np.nan
     largest_residual: float = np.nan
+    outlier_p: float = np.nan
     largest_row: int = 0
     points: int = 0
 
@@ -743,21 +748,23 @@ class CalibrationLine:
                 f"The points scatter more than their errors allow (p = {self.fit_p:.1g}): the errors "
                 "are too small or the line does not hold."
             )
-        if abs(self.largest_residual) > 3.5 and self.points > 5:
+        if self.outlier_p < 0.01:
             out.append(
-                f"Point {self.largest_row} is {abs(self.largest_residual):.1f} standard deviations off "
-                "the line: check its weight and reading."
+                f"Point {self.largest_row} (from 0) lies further off the line than the others allow "
+                f"(p = {self.outlier_p:.1g}): check its weight and reading."
             )
         return tuple(out)
 
     def summary(self) -> str:
         """The line as in (E.2), with its checks."""
+        from ._words import _paragraph
+
         out = [
             f"F = ({self.slope_n_v:.4g} ± {self.slope_se:.2g}) N/V · V + "
-            f"({self.intercept_n:.4g} ± {self.intercept_se:.2g}) N, R² = {self.r_squared:.4f}, "
-            f"{self.points} points, ± {self.residual_n:.2g} N each"
+            f"({self.intercept_n:.4g} ± {self.intercept_se:.2g}) N",
+            f"  R² = {self.r_squared:.4f}, {self.points} points, ± {self.residual_n:.2g} N each",
         ]
-        return "\n".join([*out, *(f"! {words_}" for words_ in self.warnings)])
+        return "\n".join([*out, *(_paragraph(words_, "  ! ") for words_ in self.warnings)])
 
     def __repr__(self) -> str:
         return (
@@ -993,8 +1000,10 @@ class SensorCheck:
 
     def summary(self) -> str:
         """Gains, lags and what disagrees, as text."""
+        from ._words import _paragraph
+
         out = [
-            f"accelerometer, twice integrated, against encoders, {self.highpass_hz:.2g} to "
+            f"Accelerometer, twice integrated, against encoders, {self.highpass_hz:.2g} to "
             f"{self.lowpass_hz:.2g} Hz: {self.outcome.replace('_', ' ')}"
         ]
         for i, name in enumerate(self.accelerations):
@@ -1002,11 +1011,14 @@ class SensorCheck:
                 f"{g:.4f} ± {s:.2g} of {x}"
                 for g, s, x in zip(self.gain[i], self.gain_se[i], self.positions, strict=True)
             )
-            out.append(
-                f"{name}: {gains}; later by {1e3 * self.lag_s[i]:.2f} ± {1e3 * self.lag_se_s[i]:.2g} ms; "
-                f"agrees to {self.agreement[i]:.1f} %, corrected {self.corrected[i]:.1f} %"
-            )
-        out += [f"{finding.severity}: {finding.message}" for finding in self.findings]
+            out += [
+                f"  {name}: {gains}",
+                f"  {'':<{len(name)}}  later by {1e3 * self.lag_s[i]:.2f} ± "
+                f"{1e3 * self.lag_se_s[i]:.2g} ms; agrees to {self.agreement[i]:.1f} %, "
+                f"corrected {self.corrected[i]:.1f} %",
+            ]
+        marks = {"warning": "  ! ", "error": "  ! "}
+        out += [_paragraph(f.message, marks.get(f.severity, "  - ")) for f in self.findings]
         return "\n".join(out)
 
     def plot(self, **keywords: Any) -> Any:

@@ -466,6 +466,8 @@ class MethodComparison:
 
     def summary(self) -> str:
         """Forces and parameters side by side, as text."""
+        from ._words import _entry
+
         out = [f"{'force':<16}{'VAF x':>10}{'VAF y':>10}{'rms x, N':>12}{'rms y, N':>12}"]
         for name, rms in self.rms_n.items():
             vaf = self.vaf.get(name, np.full(2, np.nan))
@@ -480,7 +482,7 @@ class MethodComparison:
                 for method, estimate in self.estimates.items():
                     budget = self.budgets.get(method)
                     se = (budget.total_se(name) if budget else estimate.se(name))[i, j]
-                    cells.append(f"{getattr(estimate, name)[i, j]:.4g} ± {se:.2g}")
+                    cells.append(_entry(getattr(estimate, name)[i, j], se))
                 label = f"{name}_{first.axes[i]}{first.axes[j]}"
                 out.append(
                     f"{label:<8}" + "".join(f"{c:>22}" for c in cells) + f" {first.units[name]}"

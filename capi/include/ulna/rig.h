@@ -196,6 +196,7 @@ typedef struct ulna_gauge_line {
   double fit_p;            /* chance of such a chi_square for a true line; NaN without */
   double curvature_p;      /* chance of such a curvature for a true line; NaN for three points */
   double largest_residual; /* studentised */
+  double outlier_p;        /* chance of so large a residual for a true line; NaN for three points */
   int64_t largest_row;     /* the point that has it */
   int64_t points;          /* of the calibration */
 } ulna_gauge_line;

@@ -93,6 +93,7 @@ TEST(Calibration, WeightsAreThoseOfTheErrors) {
 TEST(Calibration, IntervalsCoverAndChecksKeepTheirLevel) {
   Random random(7);
   int covered = 0;
+  int strayed = 0;
   int bent = 0;
   const int runs = 2000;
   for (int run = 0; run < runs; ++run) {
@@ -106,10 +107,13 @@ TEST(Calibration, IntervalsCoverAndChecksKeepTheirLevel) {
     // Student's t with 9 degrees of freedom: 2.262 at 95 %.
     covered += std::abs(line.slope + 8.56) < 2.262157 * std::sqrt(line.covariance(0, 0)) ? 1 : 0;
     bent += line.curvature_p < 0.05 ? 1 : 0;
+    strayed += line.outlier_p < 0.05 ? 1 : 0;
   }
   // Four standard errors of 2000 draws: 2 %.
   EXPECT_NEAR(covered / double(runs), 0.95, 0.02);
   EXPECT_NEAR(bent / double(runs), 0.05, 0.02);
+  // By Bonferroni at most that, and hardly less for eleven residuals.
+  EXPECT_NEAR(strayed / double(runs), 0.05, 0.02);
 }
 
 TEST(Calibration, ACurveAndAStrayPointAreSeen) {
@@ -127,7 +131,13 @@ TEST(Calibration, ACurveAndAStrayPointAreSeen) {
   stray[4] += 3.0;
   const CalibrationLine line = calibrate_line(v, stray, {}, false);
   EXPECT_EQ(line.largest_row, 4);
+  // Internally studentised it cannot exceed sqrt(10); the other points judge it.
   EXPECT_GT(line.largest_residual, 2.9);
+  EXPECT_LT(line.outlier_p, 1e-6);
+  EXPECT_LT(calibrate_line(v, stray, Vector::Constant(12, 0.05), false).outlier_p, 1e-6);
+  EXPECT_GT(calibrate_line(v, f, {}, false).outlier_p, 0.05);
+  EXPECT_EQ(calibrate_line(v, -8.5 * v, {}, false).outlier_p, 1.0);
+  EXPECT_TRUE(std::isnan(calibrate_line(v.head(3), f.head(3), {}, false).outlier_p));
 }
 
 TEST(Calibration, RefusesWhatGivesNoLine) {
