@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <memory>
 #include <sstream>
+#include <utility>
 
 #include "guard.hpp"
 #include "handles.hpp"
@@ -236,16 +237,19 @@ ulna_status ulna_design_binary(int32_t drive, const ulna_view* amplitude,
 
 ulna_status ulna_design_new(int32_t drive, const ulna_view* reference, const ulna_view* velocity,
                             const ulna_view* acceleration, double rate_hz, const int64_t* segments,
-                            int64_t segment_count, ulna_design** out_design) {
+                            int64_t segment_count, const char* provenance,
+                            ulna_design** out_design) {
   return guarded([&] {
     deref(out_design, "out_design");
     const auto optional = [](const ulna_view* view, const char* argument) -> Matrix {
       return view == nullptr ? Matrix() : Matrix(map_view(view, argument));
     };
-    give(out_design,
-         excitation_of(drive_of(drive), rate_hz, map_view(reference, "reference"),
-                       ranges_of(segments, segment_count), optional(velocity, "velocity"),
-                       optional(acceleration, "acceleration")));
+    Excitation made =
+        excitation_of(drive_of(drive), rate_hz, map_view(reference, "reference"),
+                      ranges_of(segments, segment_count), optional(velocity, "velocity"),
+                      optional(acceleration, "acceleration"));
+    if (provenance != nullptr) made.provenance = provenance;
+    give(out_design, std::move(made));
   });
 }
 

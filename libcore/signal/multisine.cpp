@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
+#include <cstdint>
+#include <numeric>
 
 #include "base/error.hpp"
 #include "base/random.hpp"
@@ -17,6 +19,8 @@ using Complex = std::complex<double>;
 // A frequency counts as a multiple of 1 / T when it misses one by less than this share of a cycle.
 constexpr double kWholeCycles = 1e-6;
 constexpr Index kMostLines = 1000;
+// Share of the band that evenly spaced lines must reach.
+constexpr double kReachOfBand = 0.9;
 
 void check(const MultisineSpec& spec) {
   check_rate(spec.rate_hz);
@@ -71,17 +75,22 @@ Matrix frequencies(const MultisineSpec& spec, double period_s) {
     }
     return out;
   }
-  // Evenly along the band; axes take turns unless they share. Rounded down to the grid, which keeps
-  // them distinct as long as they are at least one step of it apart.
+  // Evenly along the band; axes take turns unless they share.
   const Index turns = spec.shared ? 1 : n;
   const double count = static_cast<double>(spec.lines * turns);
-  const double spacing = (spec.high_hz - spec.low_hz) / count * period_s;  // in steps of the grid
+  double spacing = (spec.high_hz - spec.low_hz) / count * period_s;  // in steps of the grid
   require(
       spacing >= 1.0 - 1e-9, "lines",
       sentence(6, spec.lines, " lines for ", turns, turns == 1 ? " axis" : " axes", " need ", count,
                " multiples of 1 / period, and the band from ", spec.low_hz, " to ", spec.high_hz,
                " Hz holds ", std::floor((spec.high_hz - spec.low_hz) * period_s + 1e-9), " of ",
                1.0 / period_s, " Hz: lengthen the period, widen the band or take fewer lines"));
+  // A whole number of steps apart, lines from 0 Hz on are harmonics of one frequency, and their sum
+  // repeats soon: its crest factor can be brought to 1.4, where lines beside the harmonics move
+  // through all phases and stay above 1.6. Where that would leave too much of the band empty, lines
+  // are rounded down one by one; they stay distinct, being at least one step apart.
+  const double whole = std::floor(spacing + 1e-9);
+  if (whole >= kReachOfBand * spacing) spacing = whole;
   Matrix out(spec.lines, n);
   for (Index l = 0; l < spec.lines; ++l) {
     for (Index a = 0; a < n; ++a) {
@@ -92,22 +101,34 @@ Matrix frequencies(const MultisineSpec& spec, double period_s) {
   return out;
 }
 
-// Axes that share their lines need different waves: with equal ones the hand would move along a
-// line. Odd axes run backwards in time, further pairs begin the rule at another line.
-Vector varied_schroeder(const Vector& amplitude, Index axis, Index axes, bool shared) {
-  Vector phase = schroeder_phases(amplitude);
-  if (!shared || axis == 0) return phase;
-  const Index count = phase.size();
-  const Index turn = (axis / 2) * count / ((axes + 1) / 2);
-  Vector out(count);
-  for (Index k = 0; k < count; ++k) {
-    out[k] = (axis % 2 == 1 ? -1.0 : 1.0) * phase[(k + turn) % count];
+// When the sum of lines repeats: a span of whole cycles over the largest divisor that their numbers
+// have in common; otherwise the span itself.
+double repeats_after(const Vector& freq, double span_s) {
+  std::int64_t common = 0;
+  for (const double f : freq) {
+    const double cycles = f * span_s;
+    if (std::abs(cycles - std::round(cycles)) > kWholeCycles * std::max(1.0, cycles)) return span_s;
+    common = std::gcd(common, std::llround(cycles));
   }
-  return out;
+  return span_s / static_cast<double>(std::max<std::int64_t>(1, common));
 }
 
-// Time within [0, span_s) at which the sum passes 0 with the least speed.
-double slowest_zero(const Sinusoids& lines, double span_s) {
+// The same lines with what was at `time_s` at 0.
+Sinusoids begun_at(Sinusoids lines, double time_s) {
+  for (Index k = 0; k < lines.freq_hz.size(); ++k) {
+    lines.phase_rad[k] =
+        std::remainder(lines.phase_rad[k] + 2.0 * kPi * lines.freq_hz[k] * time_s, 2.0 * kPi);
+  }
+  return lines;
+}
+
+struct Zero {
+  double time_s = 0.0;
+  double speed = 0.0;
+};
+
+// Where the sum passes 0 within [0, span_s).
+std::vector<Zero> zeros_of(const Sinusoids& lines, double span_s) {
   const auto at = [&](double t) {
     SignalPoint p;
     for (Index k = 0; k < lines.freq_hz.size(); ++k) {
@@ -119,8 +140,7 @@ double slowest_zero(const Sinusoids& lines, double span_s) {
   };
   const Index steps =
       std::max<Index>(64, static_cast<Index>(16.0 * lines.freq_hz.maxCoeff() * span_s));
-  double best = 0.0;
-  double least = -1.0;
+  std::vector<Zero> out;
   double before = at(0.0).value;
   for (Index i = 1; i <= steps; ++i) {
     const double t = span_s * static_cast<double>(i) / static_cast<double>(steps);
@@ -132,13 +152,39 @@ double slowest_zero(const Sinusoids& lines, double span_s) {
         const double middle = 0.5 * (low + high);
         ((at(middle).value < 0.0) == (before < 0.0) ? low : high) = middle;
       }
-      const double speed = std::abs(at(low).rate);
-      if (least < 0.0 || speed < least) {
-        least = speed;
-        best = low;
-      }
+      out.push_back({low, std::abs(at(low).rate)});
     }
     before = now;
+  }
+  return out;
+}
+
+// How much one axis repeats another with the same lines, in phase or a quarter of a cycle apart: 1
+// when it is the same wave.
+double likeness(const Sinusoids& lines, const Sinusoids& other) {
+  Complex sum = 0.0;
+  for (Index k = 0; k < lines.freq_hz.size(); ++k) {
+    sum += std::polar(lines.amplitude[k] * lines.amplitude[k],
+                      lines.phase_rad[k] - other.phase_rad[k]);
+  }
+  return std::abs(sum) / lines.amplitude.squaredNorm();
+}
+
+// Where an axis begins: where it passes 0 most slowly, or, beside axes that share its lines, where
+// it is least like them. The best phases of all of them are the same wave: begun together, the hand
+// would move along a line.
+double start_of(const Sinusoids& lines, double span_s, const std::vector<Sinusoids>& beside) {
+  double best = 0.0;
+  double least = kInfinity;
+  for (const Zero& zero : zeros_of(lines, span_s)) {
+    double cost = beside.empty() ? zero.speed : 0.0;
+    for (const Sinusoids& other : beside) {
+      cost = std::max(cost, likeness(begun_at(lines, zero.time_s), other));
+    }
+    if (cost < least) {
+      least = cost;
+      best = zero.time_s;
+    }
   }
   return best;
 }
@@ -255,6 +301,7 @@ Excitation multisine(const MultisineSpec& spec, Token* token) {
   out.rate_hz = spec.rate_hz;
   const Index rows = rows_of(spec.duration_s, spec.rate_hz, "duration_s");
   const Index fade_rows = static_cast<Index>(std::llround(spec.fade_s * spec.rate_hz));
+  const double fade_s = static_cast<double>(fade_rows) / spec.rate_hz;
   require(rows > 2 * fade_rows + 1, "fade_s", "two fades must leave a part of the duration");
   const double used_s = static_cast<double>(rows - 2 * fade_rows) / spec.rate_hz;
   require(std::isfinite(spec.period_s) && spec.period_s >= 0.0, "period_s",
@@ -268,26 +315,24 @@ Excitation multisine(const MultisineSpec& spec, Token* token) {
   out.value = out.rate = out.acceleration = Matrix::Zero(rows, n);
   out.segments = {{fade_rows, rows - fade_rows}};
   // Without a period of its own, a sum of arbitrary lines is judged over what is used.
-  const double span_s = on_grid ? std::min(period_s, used_s) : used_s;
+  const double longest_s = on_grid ? std::min(period_s, used_s) : used_s;
   out.period_s = on_grid ? period_s : 0.0;
 
+  std::vector<Sinusoids> beside;  // axes before that have the same lines
   for (Index a = 0; a < n; ++a) {
     Sinusoids lines{freq.col(a), freq.col(a).array().pow(spec.slope), Vector()};
+    const double span_s = repeats_after(lines.freq_hz, longest_s);
     const auto stream = static_cast<std::uint64_t>(a);
-    lines.phase_rad = varied_schroeder(lines.amplitude, a, n, shared);
+    lines.phase_rad = schroeder_phases(lines.amplitude);
     if (spec.phases == Phases::kRandom) {
       Random random(spec.seed, stream);
       for (double& phase : lines.phase_rad) phase = 2.0 * kPi * random.uniform();
     } else if (spec.phases == Phases::kOptimised) {
       lines.phase_rad = low_crest_phases(lines, span_s, spec.starts, spec.seed, stream, token);
     }
-    // Row fade_rows is where the axis passes 0 most slowly.
-    const double shift =
-        slowest_zero(lines, span_s) - static_cast<double>(fade_rows) / spec.rate_hz;
-    for (Index k = 0; k < lines.freq_hz.size(); ++k) {
-      lines.phase_rad[k] =
-          std::remainder(lines.phase_rad[k] + 2.0 * kPi * lines.freq_hz[k] * shift, 2.0 * kPi);
-    }
+    lines = begun_at(lines, start_of(lines, span_s, beside));
+    if (shared) beside.push_back(lines);
+    lines = begun_at(lines, -fade_s);
     add_lines(lines, a, out);
     const auto used = out.value.col(a).segment(fade_rows, rows - 2 * fade_rows);
     const double size = spec.rms ? std::sqrt(used.squaredNorm() / static_cast<double>(used.size()))
@@ -301,7 +346,7 @@ Excitation multisine(const MultisineSpec& spec, Token* token) {
     }
     step(token, static_cast<double>(a + 1) / static_cast<double>(n));
   }
-  fade(out, static_cast<double>(fade_rows) / spec.rate_hz);
+  fade(out, fade_s);
 
   out.notes.push_back(periods_words(spec, freq, used_s, period_s));
   if (n > 1 && shared) {

@@ -30,12 +30,13 @@ struct MultisineSpec {
   double slope = 0.0;     // amplitude of a line ~ freq^slope: 0 flat in position, -1 in velocity
   double fade_s = 0.0;    // at either end: rises smoothly from and falls to rest
   Phases phases = Phases::kOptimised;
-  int starts = 4;  // random starts of the optimisation, beside Schroeder's phases
+  int starts = 10;  // random starts of the optimisation, beside Schroeder's phases
   std::uint64_t seed = 0;
 };
 
-// The segment is the part between the fades. Its first row is where each axis passes 0 most slowly:
-// a shift in time, which leaves spectrum and crest factor as they are. Throws Error (kArgument) for
+// The segment is the part between the fades. Its first row is where each axis passes 0 most slowly,
+// or, with shared lines, where it is least like the axes before: a shift in time, which leaves
+// spectrum and crest factor as they are. Throws Error (kArgument) for
 // a band that does not hold the lines.
 Excitation multisine(const MultisineSpec& spec, Token* token = nullptr);
 

@@ -15,6 +15,7 @@ from ulna import cli, design
 from ulna.design import Arm, Limits, Noise, Robot
 
 signal = pytest.importorskip("scipy.signal")
+interpolate = pytest.importorskip("scipy.interpolate")
 
 RECORDING = Path(__file__).resolve().parents[2] / "examples" / "data" / "relaxed-arm.csv"
 P1 = Arm()
@@ -31,7 +32,9 @@ def test_default_multisine_is_that_of_the_thesis():
     assert np.allclose(np.abs(made.reference).max(axis=0), 0.01, rtol=1e-14)
     assert np.array_equal(made.time_s, np.arange(50_000) / 1000)
     freq = [line.freq_hz for line in made.lines]
-    assert len(freq) == len(set(freq)) == 20 and 0 < min(freq) and max(freq) == 3.0
+    # 7 steps of 0.02 Hz apart: axis x has the odd multiples of 0.14 Hz, y the even ones.
+    assert np.allclose(sorted(freq), 0.14 * np.arange(1, 21), rtol=1e-14)
+    assert {line.axis for line in made.lines if round(line.freq_hz / 0.14) % 2} == {0}
     assert not made.reference.flags.writeable
 
 
@@ -54,13 +57,30 @@ def test_spectrum_holds_the_lines_and_nothing_else():
 
 def test_crest_factors_optimised_below_schroeder_below_random():
     found = {
-        phases: np.mean([
+        phases: np.array([
             design.multisine(phases=phases, seed=seed, rate_hz=100).crest for seed in range(10)
         ])
         for phases in ("optimised", "schroeder", "random")
     }  # fmt: skip
-    # Means over ten seeds and two axes: 1.4, 1.8 and 2.4.
-    assert found["optimised"] < 1.5 < 1.65 < found["schroeder"] < 2.0 < 2.2 < found["random"]
+    means = {phases: crest.mean() for phases, crest in found.items()}
+    assert means["optimised"] < 1.42 < 1.65 < means["schroeder"] < 2.0 < 2.2 < means["random"]
+    # The lowest that 200 starts find: 1.3703 for ten odd harmonics, 1.3917 for the first ten. Most
+    # designs come that low; none stays further off than the ten starts of these seeds leave.
+    assert np.all(found["optimised"] > [1.36, 1.38])
+    assert np.all(found["optimised"] < [1.40, 1.44])
+    assert np.all(np.median(found["optimised"], axis=0) < [1.372, 1.41])
+
+
+@pytest.mark.parametrize("phases", ["optimised", "schroeder", "random"])
+def test_shared_lines_do_not_move_the_hand_along_a_line(phases):
+    for seed in range(3):
+        made = design.multisine(shared_lines=True, phases=phases, seed=seed, rate_hz=100)
+        lines = [{line.freq_hz for line in made.lines if line.axis == axis} for axis in range(2)]
+        assert lines[0] == lines[1] and len(lines[0]) == 10
+        for other in (made.reference, made.reference_rate):
+            assert abs(np.corrcoef(made.reference[:, 0], other[:, 1])[0, 1]) < 0.5
+        assert not np.abs(made.reference[0]).max() > 1e-12  # both begin at 0
+        assert any("share their lines" in note for note in made.notes)
 
 
 def test_seeds_and_pickles():
@@ -121,7 +141,10 @@ def test_steps_are_those_of_the_thesis(seed):
 
 def test_steps_of_a_force_and_of_one_axis():
     made = design.steps(unit="N", seed=1)
-    assert made.kind == "force" and made.peak.max() == pytest.approx(2 * 1.729248, rel=1e-6)
+    # The largest sample: the overshoot of 72.9248 % falls between two of them.
+    t, wd = np.arange(3000) / 1000, 15 * np.sqrt(0.99)
+    held = 1 - np.exp(-1.5 * t) * (np.cos(wd * t) + 1.5 / wd * np.sin(wd * t))
+    assert made.kind == "force" and made.peak.max() == pytest.approx(2 * held.max(), rel=1e-12)
     one = design.steps(axes=("q",), unit="deg", size=2.0, seed=1)
     assert one.rotational and one.unit == "rad"
     assert {np.sign(step.size[0]) for step in one.events} == {1.0, -1.0}
@@ -275,7 +298,9 @@ def test_a_table_is_read_back_to_the_bit(tmp_path):
     assert log.with_role("reference") == (0, 1)
     assert np.array_equal(log.values[:, :2], made.reference)
     assert np.array_equal(log["F_y_ref_acceleration"], made.reference_acceleration[:, 1])
-    assert any(made.provenance in line for line in log.provenance)
+    assert made.provenance.startswith("design: 16 steps of 2 in 8 directions")
+    assert log.provenance[0] == made.provenance
+    assert made.scaled(0.5).record().provenance == (made.provenance + ", scaled by 0.5",)
     # A folder that is not there leaves nothing behind.
     with pytest.raises(ulna.FileError):
         made.to_csv(tmp_path / "none" / "push.csv")
@@ -363,13 +388,14 @@ def test_tremor_adds_to_the_peaks():
 def test_joints_are_judged_one_by_one():
     arm = Arm(M=np.diag([0.2, 0.1]), B=np.diag([1.0, 0.5]), K=np.diag([10.0, 5.0]))
     made = design.multisine(unit="deg", peak=2, axes=("q1", "q2"), seed=1)
-    robot = Robot(stiffness=100.0, damping=5.0, mass=0.05)
-    found = made.check(arm, robot=robot, limits=Limits(force=1.0))
+    robot, noise = Robot(stiffness=100.0, damping=5.0, mass=0.05), Noise(tremor=0.05)
+    found = made.check(arm, robot=robot, limits=Limits(force=1.0), noise=noise)
     assert found.units["force"] == "N m" and "torque" in found.message
-    worst = max(found.peaks["force"][:2])
-    assert found.scale >= 1 / worst
-    both = made.check(arm, robot=robot, limits=Limits(force=1.0, per_axis=False))
-    assert both.scale < found.scale
+    # What the tremor leaves of the limit, over what the design alone makes of it.
+    tremor, peaks = found.tremor["force"][:2], found.peaks["force"][:2]
+    assert found.scale == pytest.approx(min((1 - tremor) / (peaks - tremor)), rel=1e-12)
+    both = made.check(arm, robot=robot, limits=Limits(force=1.0, per_axis=False), noise=noise)
+    assert 0 < both.scale < found.scale
 
 
 def test_force_designs_need_a_robot_that_follows():
@@ -425,10 +451,16 @@ def coloured(rng, runs, rows, rate, tremor, band):
 def recordings(made, arm, kp, kd, mass, noise, runs, seed):
     """Simulated recordings, by scipy's lsim for the reference and by spectra for the tremor."""
     n, rows, rate = made.n, len(made.reference), made.rate_hz
-    u = made.reference if made.kind == "force" else kp * made.reference + kd * made.reference_rate
+    # The robot moves smoothly between the rows: lsim's straight lines at five times the rate.
+    time = np.arange(5 * rows - 4) / (5 * rate)
+    reference = interpolate.CubicHermiteSpline(made.time_s, made.reference, made.reference_rate)
+    speed = interpolate.CubicHermiteSpline(
+        made.time_s, made.reference_rate, made.reference_acceleration
+    )
+    u = reference(time) if made.kind == "force" else kp * reference(time) + kd * speed(time)
     spring = 0.0 if made.kind == "force" else kp
     system = loop_matrices(arm, spring, kd, mass)
-    _, caused, _ = signal.lsim(system, u, made.time_s)
+    caused = signal.lsim(system, u, time)[1][::5]
     rng = np.random.default_rng(seed)
     freq, force = coloured(rng, runs, rows, rate, noise.tremor, noise.tremor_band_hz)
     force = force[:, :, :n]
@@ -623,19 +655,24 @@ def test_weak_instruments_are_told():
 # Figures and the command ---------------------------------------------------------------------------
 
 
+def _titles(figure):
+    return [ax.get_title(loc="left") for ax in figure.axes]
+
+
 def test_figures():
     plt = pytest.importorskip("matplotlib.pyplot")
     plt.switch_backend("Agg")
     figure = design.multisine(seed=1).plot()
-    assert len(figure.axes) == 4 and [ax.get_title() for ax in figure.axes][2:] == ["Lines", "Path"]
+    assert len(figure.axes) == 4 and _titles(figure)[2:] == ["Lines", "Path"]
     figure = design.random_binary(seed=1).plot()
-    assert [ax.get_title() for ax in figure.axes][1:] == ["Spectrum", "Phase plane"]
+    assert _titles(figure)[1:] == ["Spectrum", "Phase plane"]
     made = design.steps(seed=1, rate_hz=200)
-    assert "16 perturbations" in made.plot().axes[0].get_title()
+    assert "16 perturbations" in _titles(made.plot())[0]
     axes = made.check(limits=Limits(force=5.0, velocity=1.0)).plot()
-    assert "exceeded" in axes[0].get_title() and "limit 1000 mm/s" in axes[2].get_title()
+    titles = [ax.get_title(loc="left") for ax in axes]
+    assert "exceeded" in titles[0] and "limit 1000 mm/s" in titles[2]
     expected = made.plan()
-    assert "Predicted errors" in expected.plot().get_title()
+    assert "Predicted errors" in expected.plot().get_title(loc="left")
     both = design.compare(expected, other=expected).plot()
     assert [text.get_text() for text in both.get_legend().get_texts()] == ["steps", "other"]
     plt.close("all")

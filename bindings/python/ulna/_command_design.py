@@ -82,7 +82,10 @@ def add_to(commands: Any) -> None:
         "--amplitude", type=positive, help="plus or minus this, in --unit (default: 2 N or 5 mm)"
     )
     binary.add_argument(
-        "--clock", type=positive, default=0.5, help="the sign is drawn anew this often, s (default: 0.5)"
+        "--clock",
+        type=positive,
+        default=0.5,
+        help="the sign is drawn anew this often, s (default: 0.5)",
     )
     _add_duration(binary)
     _add_filter(binary)
@@ -93,7 +96,9 @@ def _add_kind(
 ) -> argparse.ArgumentParser:
     parser = add_command(kinds, name, summary=summary, examples=examples)
     parser.add_argument(
-        "--unit", default=unit, help=f"m, mm, rad, deg, N, Nm: what the robot follows (default: {unit})"
+        "--unit",
+        default=unit,
+        help=f"m, mm, rad, deg, N, Nm: what the robot follows (default: {unit})",
     )
     parser.add_argument("--axes", default=axes, metavar="X,Y", help=f"names (default: {axes})")
     parser.add_argument("--rate", type=positive, default=1000.0, help="Hz (default: 1000)")
@@ -105,7 +110,9 @@ def _add_kind(
     parser.add_argument(
         "--plot", action="store_true", help="write a figure beside --out, or design.png"
     )
-    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else")
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON object and nothing else"
+    )
     expected = parser.add_argument_group("what is expected")
     expected.add_argument(
         "--arm", metavar="JSON",
@@ -114,7 +121,9 @@ def _add_kind(
     )  # fmt: skip
     expected.add_argument("--stiffness", type=not_negative, help="of the robot, N/m or N m/rad")
     expected.add_argument("--damping", type=not_negative, help="of the robot, N s/m or N m s/rad")
-    expected.add_argument("--mass", type=not_negative, default=1.1, help="of the robot (default: 1.1)")
+    expected.add_argument(
+        "--mass", type=not_negative, default=1.1, help="of the robot (default: 1.1)"
+    )
     expected.add_argument(
         "--tremor", type=not_negative, default=1.0, help="standard deviation, N or N m (default: 1)"
     )
@@ -138,7 +147,11 @@ def _add_filter(parser: argparse.ArgumentParser) -> None:
         "--damping-ratio", type=positive, default=0.1, help="of the filter (default: 0.1)"
     )
     parser.add_argument(
-        "--natural", type=positive, default=15.0, metavar="RAD/S", help="of the filter (default: 15)"
+        "--natural",
+        type=positive,
+        default=15.0,
+        metavar="RAD/S",
+        help="of the filter (default: 15)",
     )
 
 
@@ -183,7 +196,9 @@ def _design(options: argparse.Namespace) -> int:
         made.to_csv(target, derivatives=options.derivatives)
     figure = _write_figure(made, target) if options.plot else None
     if options.json:
-        print(json.dumps(_result(made, checked, planned, target, figure), indent=2, allow_nan=False))
+        print(
+            json.dumps(_result(made, checked, planned, target, figure), indent=2, allow_nan=False)
+        )
         return OK
     print("\n\n".join(part.summary() for part in (made, checked, planned)))
     for word, path in (("table", target), ("figure", figure)):
@@ -247,10 +262,14 @@ def _arm(path: str | None, n: int) -> Any:
         raise Usage(f"--arm {path} is no JSON object with M, B and K ({failure})") from failure
 
 
-def _fitted(made: Any, checked: Any, arm: Any, robot: Any, limits: Any, noise: Any) -> tuple[Any, Any]:
+def _fitted(
+    made: Any, checked: Any, arm: Any, robot: Any, limits: Any, noise: Any
+) -> tuple[Any, Any]:
     """The design as large as the limits allow, a thousandth below."""
     if checked.scale == float("inf"):
-        raise Usage("--fit needs a limit: give --limit-force, --limit-displacement or --limit-velocity")
+        raise Usage(
+            "--fit needs a limit: give --limit-force, --limit-displacement or --limit-velocity"
+        )
     if checked.scale <= 0:
         raise Usage(f"--fit cannot help. {checked.message}")
     made = made.scaled(0.999 * checked.scale)

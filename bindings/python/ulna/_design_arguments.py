@@ -22,7 +22,9 @@ def pick(table: Mapping[str, int], value: Any, name: str) -> int:
         raise refuse(f"{name} is {value!r}; it must be one of {known}", name) from None
 
 
-def number(value: Any, name: str, *, least: float | None = None, above: float | None = None) -> float:
+def number(
+    value: Any, name: str, *, least: float | None = None, above: float | None = None
+) -> float:
     """A finite number; zero bytes mean a default below, so a zero that is none is refused here."""
     try:
         given = float(value)
@@ -49,7 +51,9 @@ def pair(value: Any, name: str) -> tuple[float, float]:
     try:
         low, high = value
     except (TypeError, ValueError):
-        raise refuse(f"{name} is {value!r}; it must be two numbers, the smaller one first", name) from None
+        raise refuse(
+            f"{name} is {value!r}; it must be two numbers, the smaller one first", name
+        ) from None
     low, high = number(low, name), number(high, name)
     if low > high:
         raise refuse(f"{name} is ({low:g}, {high:g}); the smaller number comes first", name)
@@ -84,7 +88,9 @@ def amplitudes(value: Any, axes: tuple[str, ...], factor: float, name: str) -> n
     if values.ndim == 0:
         values = np.full(len(axes), float(values))
     if values.shape != (len(axes),):
-        raise refuse(f"{name} must be one number, or one for each of the axes {', '.join(axes)}", name)
+        raise refuse(
+            f"{name} must be one number, or one for each of the axes {', '.join(axes)}", name
+        )
     return values
 
 

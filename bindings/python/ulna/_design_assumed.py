@@ -116,7 +116,7 @@ class Robot:
 
 @dataclass(frozen=True)
 class Noise:
-    """What disturbs the experiment.
+    """What disturbs the experiment. The defaults are those of a hand: joints need their own.
 
     Attributes
     ----------

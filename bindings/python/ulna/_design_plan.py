@@ -83,9 +83,7 @@ def plan(
     times = 1.0 if repetitions is None else number(repetitions, "repetitions", above=0.0)
     if minutes is not None:
         times = 60.0 * number(minutes, "minutes", above=0.0) / design.duration_s
-    filters = options(
-        "ulna_prepare_options", lowpass_hz=lowpass_hz, window=window, order=order
-    )
+    filters = options("ulna_prepare_options", lowpass_hz=lowpass_hz, window=window, order=order)
     chosen = options(
         "ulna_plan_options",
         prepare=filters,

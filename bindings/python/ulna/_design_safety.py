@@ -98,9 +98,7 @@ def _safety(design: Design, handle: _Safety, arm: Any, robot: Any) -> SafetyChec
     info = result("ulna_safety_info")
     check(lib.ulna_safety_get_info(handle.pointer, info))
     tables = {
-        name: out_array(
-            lib.ulna_safety_get_peaks, handle.pointer, which, shape=(-1, 3), order="F"
-        )
+        name: out_array(lib.ulna_safety_get_peaks, handle.pointer, which, shape=(-1, 3), order="F")
         for which, name in enumerate(QUANTITIES)
     }
     tightest = QUANTITIES[info.tightest]
@@ -113,9 +111,7 @@ def _safety(design: Design, handle: _Safety, arm: Any, robot: Any) -> SafetyChec
         peaks={name: table[:, 0] for name, table in tables.items()},
         peak_times_s={name: table[:, 1] for name, table in tables.items()},
         tremor={name: table[:, 2] for name, table in tables.items()},
-        limits={
-            name: info.limits[which] or np.nan for which, name in enumerate(QUANTITIES)
-        },
+        limits={name: info.limits[which] or np.nan for which, name in enumerate(QUANTITIES)},
         scales={name: info.scales[which] for which, name in enumerate(QUANTITIES)},
         message=text(lib.ulna_safety_get_text, handle.pointer),
         design=design,
@@ -130,9 +126,10 @@ def _safety_summary(safety: SafetyCheck) -> str:
     design = safety.design
     vector = ("vector",) if design.n > 1 else ()
     heads = [*design.axes, *vector, "limit", "scale up to"]
+    width = max(11, 2 + max(map(len, heads[:-1])))  # 75 columns for two axes
     lines = [
         "Peaks with the tremor's part",
-        f"{'':<22}" + "".join(f"{head:>12}" for head in heads),
+        f"{'':<20}" + "".join(f"{head:>{width}}" for head in heads),
     ]
     for name in QUANTITIES:
         values = safety.peaks[name][: design.n + len(vector)]
@@ -140,7 +137,7 @@ def _safety_summary(safety: SafetyCheck) -> str:
         entries = [f"{value:.3g}" for value in values]
         entries += ["-", "-"] if np.isnan(limit) else [f"{limit:.3g}", f"{safety.scales[name]:.3g}"]
         label = f"{name} ({safety.units[name]})"
-        lines.append(f"{label:<22}" + "".join(f"{entry:>12}" for entry in entries))
+        lines.append(f"{label:<20}" + "".join(f"{entry:>{width}}" for entry in entries))
     return "\n".join([*lines, _paragraph(safety.message)])
 
 

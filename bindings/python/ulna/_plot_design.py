@@ -19,12 +19,19 @@ _POINTS = 4000  # a line; more do not show on a page
 
 def _shown(unit: str) -> tuple[float, str]:
     """Factor and unit in which values are drawn."""
-    return {"m": (1e3, "mm"), "rad": (180 / np.pi, "deg"), "Nm": (1.0, "N m")}.get(unit, (1.0, unit))
+    return {"m": (1e3, "mm"), "rad": (180 / np.pi, "deg"), "Nm": (1.0, "N m")}.get(
+        unit, (1.0, unit)
+    )
 
 
 def _thin(*arrays: np.ndarray) -> list[np.ndarray]:
     step = max(1, len(arrays[0]) // _POINTS)
     return [array[::step] for array in arrays]
+
+
+def _legend_above(ax: Any, columns: int) -> None:
+    """A legend over the right end of the axes, beside the title, where it hides no data."""
+    ax.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, borderaxespad=0.1)
 
 
 def _line_style(axis: int) -> dict[str, Any]:
@@ -128,7 +135,7 @@ def design_spectrum(design: Design, ax: Any = None) -> Any:
             ax.set_title("Spectrum")
         ax.set_xlabel("frequency (Hz)")
         if design.n > 1:
-            ax.legend(loc="best", ncols=2)
+            _legend_above(ax, min(design.n, 4))
     return ax
 
 
@@ -157,7 +164,9 @@ def design_path(design: Design, ax: Any = None) -> Any:
     with style():
         ax = axes_grid(ax, 1, 1, (WIDTH_IN / 2, 2.6))[0, 0]
         if design.n == 1:
-            value, rate = _thin(factor * design.reference[:, 0], factor * design.reference_rate[:, 0])
+            value, rate = _thin(
+                factor * design.reference[:, 0], factor * design.reference_rate[:, 0]
+            )
             ax.plot(value, rate, color=BLUE, linewidth=0.6)
             ax.set_xlabel(f"{_symbol(design, 0)} ({unit})")
             ax.set_ylabel(f"rate ({unit}/s)")
@@ -211,7 +220,7 @@ def safety(safety: SafetyCheck, axes: Any = None) -> np.ndarray:
                 ax.set_title(f"{where}limit {factor * limit:.4g} {unit}")
             ax.set_ylabel(f"{quantity} ({unit})")
             ax.margins(x=0)
-        grid[0, 0].legend(loc="upper right", ncols=design.n + 1)
+        _legend_above(grid[0, 0], design.n + 1)
         grid[-1, 0].set_xlabel("time (s)")
     return grid[:, 0]
 
@@ -272,9 +281,7 @@ def _offset(i: int, count: int) -> float:
     return 0.0 if count == 1 else 0.5 * (i / (count - 1) - 0.5)
 
 
-def _draw_errors(
-    ax: Any, names: Sequence[str], table: np.ndarray, labels: Sequence[str]
-) -> None:
+def _draw_errors(ax: Any, names: Sequence[str], table: np.ndarray, labels: Sequence[str]) -> None:
     places = np.arange(len(names))
     for i, (row, label) in enumerate(zip(100 * table, labels, strict=True)):
         colour = _COLOURS[i % 6]

@@ -198,6 +198,7 @@ class Design:
             self.rate_hz,
             ffi.from_buffer("int64_t[]", rows),
             len(rows),
+            self.provenance.encode(),
         )
 
     def scaled(self, factor: float) -> Design:
@@ -222,7 +223,7 @@ class Design:
             events=tuple(
                 replace(one, size=tuple(factor * size for size in one.size)) for one in self.events
             ),
-            provenance=f"{self.provenance}, scaled by {factor:.9g}",
+            provenance=_text(handle, lib.ULNA_DESIGN_TEXT_PROVENANCE),
         )
 
     def record(self, *, derivatives: bool = False) -> Record:
@@ -362,9 +363,7 @@ class Design:
         >>> found.within, found.tightest
         (True, 'force')
         """
-        return check_design(
-            self, arm, robot=robot, limits=limits, noise=noise, sigmas=sigmas
-        )
+        return check_design(self, arm, robot=robot, limits=limits, noise=noise, sigmas=sigmas)
 
     def plan(self, arm: Any = None, **keywords: Any) -> Plan:
         """What an experiment with this design will tell; see `ulna.design.plan`."""
@@ -433,17 +432,16 @@ def _column(handle: _Design, quantity: int) -> np.ndarray:
     return values
 
 
+def _text(handle: _Design, which: int) -> str:
+    return text(lib.ulna_design_get_text, handle.pointer, which)
 
 
-def _from_handle(
-    handle: _Design, unit: str, axes: tuple[str, ...], seed: int | None
-) -> Design:
+def _from_handle(handle: _Design, unit: str, axes: tuple[str, ...], seed: int | None) -> Design:
     info = result("ulna_design_info")
     check(lib.ulna_design_get_info(handle.pointer, info))
     n = int(info.axes)
     pairs = _table(handle, lib.ULNA_DESIGN_SEGMENTS, 2)
-    notes = text(lib.ulna_design_get_text, handle.pointer, lib.ULNA_DESIGN_TEXT_NOTES)
-    provenance = text(lib.ulna_design_get_text, handle.pointer, lib.ULNA_DESIGN_TEXT_PROVENANCE)
+    notes = _text(handle, lib.ULNA_DESIGN_TEXT_NOTES)
     return Design(
         reference=_table(handle, lib.ULNA_DESIGN_VALUE, n),
         reference_rate=_table(handle, lib.ULNA_DESIGN_RATE, n),
@@ -469,7 +467,7 @@ def _from_handle(
         period_s=info.period_s,
         seed=seed,
         notes=tuple(notes.split("\n")) if notes else (),
-        provenance=provenance,
+        provenance=_text(handle, lib.ULNA_DESIGN_TEXT_PROVENANCE),
     )
 
 
@@ -492,7 +490,7 @@ def multisine(
     period_s: float | None = None,
     slope: float = 0.0,
     fade_s: float = 0.0,
-    starts: int = 4,
+    starts: int = 10,
     seed: int = 0,
     progress: bool = False,
 ) -> Design:
@@ -510,7 +508,9 @@ def multisine(
     lines : int
         Sinusoids an axis.
     band_hz : (float, float)
-        The lines lie evenly above the first and up to the second.
+        The lines lie evenly above the first and up to the second, a whole number of steps of
+        1 / period_s apart where that reaches nine tenths of the band: as harmonics they have a low
+        crest factor.
     duration_s : float
         Of the whole design, fades included.
     rate_hz : float
@@ -647,7 +647,9 @@ def steps(
     """
     si, factor = si_unit(unit)
     names = axis_names(axes)
-    given = usual(_USUAL_STEP, si, "size") if size is None else number(size, "size", above=0.0) * factor
+    given = (
+        usual(_USUAL_STEP, si, "size") if size is None else number(size, "size", above=0.0) * factor
+    )
     vectors, count = None, 0
     if directions is None or isinstance(directions, int | np.integer):
         count = 0 if directions is None else whole(directions, "directions")
@@ -786,9 +788,7 @@ def from_signal(
     names = axis_names(axes if axes is not None else ("x", "y", "z", "u", "v", "w")[:n])
     if len(names) != n:
         raise refuse(f"reference has {n} columns and axes {len(names)} names", "axes")
-    rows = np.array([] if segments is None else [tuple(s) for s in segments], dtype=np.int64)
-    if segments is not None and (rows.ndim != 2 or rows.shape[1] != 2):
-        raise refuse("segments must be pairs of rows, begin and end", "segments")
+    rows = _segment_rows(segments)
     handle = _Design.make(
         lib.ulna_design_new,
         DRIVES[KINDS[si]],
@@ -798,8 +798,22 @@ def from_signal(
         number(rate_hz, "rate_hz", above=0.0),
         ffi.from_buffer("int64_t[]", rows) if rows.size else ffi.NULL,
         len(rows),
+        ffi.NULL,
     )
     return _from_handle(handle, si, names, None)
+
+
+def _segment_rows(segments: Sequence[tuple[int, int]] | None) -> np.ndarray:
+    """Begin and end of each segment, shape (segments, 2); none are no rows."""
+    if segments is None:
+        return np.empty((0, 2), dtype=np.int64)
+    try:
+        rows = np.array([[whole(row, "segments", least=0) for row in pair] for pair in segments])
+    except (TypeError, ValueError):
+        rows = np.empty(0)
+    if rows.ndim != 2 or rows.shape[1] != 2:
+        raise refuse("segments must be pairs of rows, begin and end", "segments")
+    return rows.astype(np.int64)
 
 
 def step_response(

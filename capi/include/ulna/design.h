@@ -48,7 +48,7 @@ typedef struct ulna_multisine_options {
   int32_t phases;            /* ULNA_PHASES_... */
   int32_t shared;            /* 1: all axes have the same lines; 0: they take turns */
   int32_t rms;               /* 1: the amplitude is the rms; 0: the largest magnitude */
-  int32_t starts; /* random starts of the optimisation, beside Schroeder's; 0: 4; < 0: none */
+  int32_t starts; /* random starts of the optimisation, beside Schroeder's; 0: 10; < 0: none */
 } ulna_multisine_options;
 
 /** Steps through an underdamped filter. Zero bytes mean the defaults named here: those of
@@ -146,12 +146,13 @@ ULNA_API ulna_status ulna_design_binary(int32_t drive, const ulna_view *amplitud
 
 /** A signal of one's own, rows x axes. segments: segment_count x 2 rows, begin and end; NULL: all
  * rows. velocity and acceleration: its derivatives in the same shape; NULL: by differences.
+ * provenance: how it was made, one line, for its records; NULL: a signal of one's own.
  * @thread any
  * @since 0.1 */
 ULNA_API ulna_status ulna_design_new(int32_t drive, const ulna_view *reference,
                                      const ulna_view *velocity, const ulna_view *acceleration,
                                      double rate_hz, const int64_t *segments, int64_t segment_count,
-                                     ulna_design **out_design);
+                                     const char *provenance, ulna_design **out_design);
 
 /** The same design `factor` times as large.
  * @thread shared design

@@ -228,6 +228,25 @@ TEST(Multisine, LinesAreWhereTheyAreSaidAndNowhereElse) {
   }
 }
 
+// 20 lines on the 150 steps of 50 s: 7 steps apart rather than 7.5, so that both axes hold
+// harmonics.
+TEST(Multisine, LinesAreHarmonicsWhereThatReachesTheBand) {
+  MultisineSpec s = spec();
+  s.duration_s = 50.0;
+  s.phases = Phases::kSchroeder;
+  const Excitation e = multisine(s);
+  for (const Line& line : e.lines) {
+    const double cycles = 50.0 * line.freq_hz;
+    EXPECT_NEAR(std::remainder(cycles, 7.0), 0.0, 1e-9) << line.freq_hz;
+    EXPECT_EQ(std::lround(cycles / 7.0) % 2, line.axis == 0 ? 1 : 0);
+  }
+  s.duration_s = 25.0;  // 3.75 steps: 3 would leave a fifth of the band empty
+  const Excitation wide = multisine(s);
+  double highest = 0.0;
+  for (const Line& line : wide.lines) highest = std::max(highest, line.freq_hz);
+  EXPECT_NEAR(highest, 3.0, 1e-12);
+}
+
 TEST(Multisine, AxesTakeTurnsOrShare) {
   const Excitation turns = multisine(spec());
   std::set<double> all;
@@ -243,11 +262,14 @@ TEST(Multisine, AxesTakeTurnsOrShare) {
     std::set<double> few;
     for (const Line& line : shared.lines) few.insert(line.freq_hz);
     EXPECT_EQ(few.size(), 10u);
-    // Not along a line: no axis repeats another.
-    const Matrix gram = shared.value.transpose() * shared.value;
-    for (Index i = 0; i < 3; ++i) {
-      for (Index j = 0; j < i; ++j) {
-        EXPECT_LT(std::abs(gram(i, j)), 0.97 * std::sqrt(gram(i, i) * gram(j, j)));
+    // Not along a line: no axis repeats another, nor its speed.
+    for (const Matrix* other : {&shared.value, &shared.rate}) {
+      const Matrix cross = shared.value.transpose() * *other;
+      for (Index i = 0; i < 3; ++i) {
+        for (Index j = 0; j < 3; ++j) {
+          if (i == j) continue;
+          EXPECT_LT(std::abs(cross(i, j)), 0.5 * shared.value.col(i).norm() * other->col(j).norm());
+        }
       }
     }
     EXPECT_EQ(shared.notes.size(), 3u);
