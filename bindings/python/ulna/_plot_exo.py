@@ -52,12 +52,20 @@ def elbow_torque(torque: Any, axes: Any = None) -> np.ndarray:
 
 
 def _write_apart(axes: Any, x: float, ends: list[tuple[float, str, str]]) -> None:
-    """Names at the ends of lines, moved apart where they would lie on each other."""
+    """Names at the ends of lines, moved apart where they would lie on each other, as little as that takes."""
     low, high = axes.get_ylim()
     gap = 0.062 * (high - low)
-    place = -np.inf
-    for value, name, colour in sorted(ends):
-        place = max(value, place + gap)
+    ends = sorted(ends)
+    # Names that touch stand in a row about the mean of their ends: (number of names, their first place).
+    rows: list[tuple[int, float]] = []
+    for value, _, _ in ends:
+        rows.append((1, value))
+        while len(rows) > 1 and rows[-2][1] + gap * rows[-2][0] > rows[-1][1]:
+            (many, first), (more, second) = rows[-2:]
+            start = (many * first + more * (second - gap * many)) / (many + more)
+            rows[-2:] = [(many + more, start)]
+    places = [first + gap * k for many, first in rows for k in range(many)]
+    for (value, name, colour), place in zip(ends, places, strict=True):
         axes.annotate(
             name,
             (x, value),
