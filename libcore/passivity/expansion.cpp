@@ -32,25 +32,27 @@ Expansion Expansion::about(const MatrixFunction& f, Complex center, double radiu
   Expansion out;
   out.center_ = center;
   out.radius_ = radius;
-  std::vector<Eigen::MatrixXcd> values(kNodes);
+  // Real coefficients: the lower half of a circle about a real point mirrors the upper one, and the
+  // two halves of a sum are conjugates.
   const bool real = center.imag() == 0.0;
-  for (int m = 0; m < kNodes; ++m) {
-    Eigen::MatrixXcd& value = values[static_cast<std::size_t>(m)];
-    // Real coefficients: the lower half of a circle about a real point mirrors the upper one.
-    if (real && m >= kNodes / 2) {
-      value = values[static_cast<std::size_t>(kNodes - 1 - m)].conjugate();
-    } else {
-      value = f(center + radius * node_power(m, 1));
-    }
-    out.size_ = std::max(out.size_, value.norm());
+  const int nodes = real ? kNodes / 2 : kNodes;
+  std::vector<Eigen::MatrixXcd> values;
+  for (int m = 0; m < nodes; ++m) {
+    values.push_back(f(center + radius * node_power(m, 1)));
+    out.size_ = std::max(out.size_, values.back().norm());
   }
   for (int k = -kPrincipal; k <= kRegular; ++k) {
     Eigen::MatrixXcd c = Eigen::MatrixXcd::Zero(values[0].rows(), values[0].cols());
-    for (int m = 0; m < kNodes; ++m) {
-      c += std::conj(node_power(m, k)) * values[static_cast<std::size_t>(m)];
+    for (int m = 0; m < nodes; ++m) {
+      const Complex w = std::conj(node_power(m, k));
+      const Eigen::MatrixXcd& value = values[static_cast<std::size_t>(m)];
+      if (real) {
+        c.real() += w.real() * value.real() - w.imag() * value.imag();
+      } else {
+        c += w * value;
+      }
     }
-    c /= static_cast<double>(kNodes);
-    if (real) c = c.real().cast<Complex>().eval();
+    c /= static_cast<double>(nodes);
     out.c_.push_back(std::move(c));
   }
   return out;

@@ -99,7 +99,7 @@ void decide(const PortFunction& f, const IndexOptions& options, PassivityIndices
   }
   const Band band = options.band.value_or(Band{0.0, kInfinity});
   const Margin margin = smallest_margin(f, band, out.input.omega);
-  const double limit = std::max(options.tolerance, 1e-13);
+  const double limit = std::max(options.tolerance, kPortRounding);
   if (margin.value < -limit) {
     const bool same = f.margin(out.input.omega) < -limit;
     const double omega = same ? out.input.omega : margin.omega;

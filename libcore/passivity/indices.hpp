@@ -1,9 +1,11 @@
 // Passivity indices and positive realness of linear systems, over every frequency.
 //
-// With u the input and y the output of a square system H, energy supplied u'y:
-//   input index   nu   largest nu with   u'y >= nu u'u:  min over w of eig_min of the Hermitian
-//   part output index  rho  largest rho with  u'y >= rho y'y: the same of the inverse of H relative
-//   index R   largest gain of (I - H) (I + H)^-1: at most 1 exactly for passive systems
+// With u the input and y the output of a square system H, and u'y the power supplied:
+// - input index nu, the largest with u'y >= nu u'u: the least eigenvalue of the Hermitian part of H
+//   over all w;
+// - output index rho, the largest with u'y >= rho y'y: the same of the inverse of H;
+// - relative index R, the largest gain of (I - H) (I + H)^-1: at most 1 exactly for passive ones.
+//
 // Over all frequencies they are statements about stable energy storage: a pole of H (nu), a zero of
 // H (rho) or of I + H (R) in the open right half-plane, or a pole on the axis that is not simple
 // with a positive semidefinite Hermitian residue, makes them minus infinity (R: infinity). Simple

@@ -15,9 +15,6 @@ namespace {
 
 using Eigen::MatrixXcd;
 
-// What is below this share of the response is zero as far as double arithmetic can tell: rounding
-// of a few dozen operations, and the 5e-16 of the expansions.
-constexpr double kRounding = 1e-13;
 // A residue below this share of the response around it is that of a mode that cancels. Coefficients
 // that came through a file with ten digits still cancel.
 constexpr double kCancelled = 1e-9;
@@ -290,14 +287,14 @@ bool PortFunction::judge(const Expansion& expansion, const Cluster& c, double to
   const MatrixXcd residue = expansion[-1] / expansion.size();
   const double skew = (residue - residue.adjoint()).norm();
   const double least = smallest_eigenvalue(hermitian_part(residue));
-  const double limit = std::max(tolerance, kRounding);
-  if (skew > kRounding) {
+  const double limit = std::max(tolerance, kPortRounding);
+  if (skew > kPortRounding) {
     flaws_.push_back(
         {omega, true, skew > limit, skew > limit,
          "a pole " + where + " whose residue is not " + (ports_ > 1 ? "Hermitian" : "real")});
     return skew <= limit;
   }
-  if (least < -kRounding) {
+  if (least < -kPortRounding) {
     flaws_.push_back({omega, true, least < -limit, false,
                       "a pole " + where + " whose residue is " +
                           (ports_ > 1 ? "not positive semidefinite" : "negative")});
@@ -372,13 +369,13 @@ void PortFunction::find_structure() {
     for (int k = 0; k <= Expansion::kRegular; ++k) {
       most = std::max(most, coefficient(expansions_[1], k).row(i).norm());
     }
-    if (most > kRounding * expansions_[1].size()) lossy_.push_back(i);
+    if (most > kPortRounding * expansions_[1].size()) lossy_.push_back(i);
   }
   for (int end = 0; end < 2; ++end) {
     const Expansion& x = expansions_[static_cast<std::size_t>(end)];
     const MatrixXcd first = coefficient(x, 0);
     for (const Index i : lossy_) {
-      vanishing_[end].push_back(first.row(i).norm() <= kRounding * x.size());
+      vanishing_[end].push_back(first.row(i).norm() <= kPortRounding * x.size());
     }
   }
 }
@@ -401,7 +398,7 @@ double PortFunction::scaled_margin(const Expansion& x, double omega) const {
             0.5 * (turn * x[k](row, column) + std::conj(turn) * std::conj(x[k](column, row)));
         // Orders below those taken out are zero to rounding, but a skew part of order 1 is none.
         if (k < taken) {
-          if (k == 1 && std::abs(c) > kRounding * x.size()) return -std::abs(c) / x.size();
+          if (k == 1 && std::abs(c) > kPortRounding * x.size()) return -std::abs(c) / x.size();
           continue;
         }
         out(i, j) += c * std::pow(e, k - taken);

@@ -12,8 +12,6 @@
 namespace ulna {
 namespace {
 
-constexpr double kRounding = 1e-13;
-
 // A polynomial in x = (omega / scale)^2 with what its coefficients would be if nothing cancelled:
 // the ratio of both says whether a sign can be trusted, at 0 and at infinity as well.
 struct Tracked {
@@ -40,7 +38,7 @@ struct Tracked {
     return s > 0.0 ? v / s : kInfinity;
   }
 
-  bool is_zero() const { return (value.cwiseAbs().array() <= kRounding * size.array()).all(); }
+  bool is_zero() const { return (value.cwiseAbs().array() <= kPortRounding * size.array()).all(); }
 };
 
 Tracked product(const Tracked& p, const Tracked& q) {
@@ -193,7 +191,7 @@ bool Network::shows(Complex pole) const {
 
 // Conditions 1 and 2.
 void Network::find_offence(double tolerance) {
-  const double limit = std::max(tolerance, kRounding);
+  const double limit = std::max(tolerance, kPortRounding);
   std::vector<double> axis = {0.0};
   for (const Complex p : z_.poles()) {
     if (p.imag() < 0.0) continue;
@@ -258,7 +256,7 @@ Complex Network::loop(double omega) const {
     const bool here =
         std::isinf(omega) ? e.at_infinity() : !e.at_infinity() && e.center().imag() == omega;
     if (!here) continue;
-    if (e.order(kRounding) == 0) return e[0](0, 0);
+    if (e.order(kPortRounding) == 0) return e[0](0, 0);
     // At a pole the limit, from so near that what it hides is below 1e-10.
     if (e.at_infinity()) return direct(1e6 / e.radius());
     return direct(omega + 1e-6 * e.radius());
@@ -444,7 +442,7 @@ TwoPortStability two_port_stability(const System& z, const TwoPortOptions& o) {
   }
   double worst = 0.0;
   const double ratio = network.least_ratio(band, o.shortage, worst);
-  const double limit = std::max(o.tolerance, kRounding);
+  const double limit = std::max(o.tolerance, kPortRounding);
   if (ratio < -limit) {
     out.answer = Answer::kNotPassive;
     out.reason =

@@ -62,6 +62,54 @@ Complex logarithmic_derivative(const Vector& a, Complex z, bool& at_root) {
   return x * (static_cast<double>(n) - x * d / p);
 }
 
+// Rounding scatters a root of multiplicity m by the m-th root of epsilon, and the iteration stops
+// each of them anywhere there. Their mean is a simple root of the (m - 1)-th derivative, which
+// rounding does not move: each cluster is shifted to it.
+void centre_clusters(const Vector& a, std::vector<Complex>& z) {
+  std::vector<bool> done(z.size(), false);
+  for (std::size_t i = 0; i < z.size(); ++i) {
+    if (done[i]) continue;
+    const double near = 1e-4 * std::abs(z[i]);
+    std::vector<std::size_t> members;
+    Complex mean = 0.0;
+    for (std::size_t j = i; j < z.size(); ++j) {
+      if (done[j] || std::abs(z[j] - z[i]) > near) continue;
+      members.push_back(j);
+      mean += z[j];
+    }
+    const std::size_t m = members.size();
+    if (m < 2) continue;
+    mean /= static_cast<double>(m);
+    // Further apart they are roots of their own, known better than what follows.
+    const double most = 10.0 * std::pow(kEps, 1.0 / static_cast<double>(m)) * std::abs(mean);
+    if (std::any_of(members.begin(), members.end(),
+                    [&](std::size_t j) { return std::abs(z[j] - mean) > most; })) {
+      continue;
+    }
+    for (const std::size_t j : members) done[j] = true;
+    // In units of a power of two next to the root, so that no power of it overflows.
+    const int unit = std::ilogb(std::abs(mean));
+    int largest = std::numeric_limits<int>::min();
+    for (Index k = 0; k < a.size(); ++k) {
+      if (a(k) != 0.0) {
+        largest = std::max(largest, std::ilogb(a(k)) + unit * static_cast<int>(k));
+      }
+    }
+    Complex w = mean / std::ldexp(1.0, unit);
+    for (int newton = 0; newton < 3; ++newton) {
+      std::vector<Complex> taylor(m + 1, 0.0);  // p^(j)(w) / j!
+      for (Index k = a.size(); k-- > 0;) {
+        for (std::size_t j = m; j > 0; --j) taylor[j] = taylor[j] * w + taylor[j - 1];
+        taylor[0] = taylor[0] * w + std::ldexp(a(k), unit * static_cast<int>(k) - largest);
+      }
+      w -= taylor[m - 1] / (static_cast<double>(m) * taylor[m]);
+    }
+    const Complex shift = w * std::ldexp(1.0, unit) - mean;
+    if (!(std::abs(shift) <= most)) continue;
+    for (const std::size_t j : members) z[j] += shift;
+  }
+}
+
 // Conjugates in exact pairs: rounding breaks the symmetry that real coefficients give.
 void pair_conjugates(std::vector<Complex>& z) {
   std::vector<bool> done(z.size(), false);
@@ -174,6 +222,7 @@ std::vector<Complex> all_roots(const Vector& p) {
     }
     if (!moving) break;
   }
+  centre_clusters(a, z);
   pair_conjugates(z);
   std::stable_sort(z.begin(), z.end(), [](Complex x, Complex y) {
     return std::abs(x) != std::abs(y) ? std::abs(x) < std::abs(y) : x.imag() < y.imag();

@@ -24,7 +24,8 @@ void polynomial_divide(const Vector& p, const Vector& q, Vector& quotient, Vecto
 // All roots, conjugates in exact pairs, by increasing modulus. Ehrlich-Aberth iteration from the
 // Newton polygon (Bini 1996, "Numerical computation of polynomial zeros by means of Aberth's
 // method"): each root is as good as its own conditioning allows even when the moduli differ by
-// many decades, where a companion matrix loses the small ones. The zero polynomial has none.
+// many decades, where a companion matrix loses the small ones. A multiple root comes as a cluster
+// whose mean is good to rounding. The zero polynomial has none.
 std::vector<Complex> all_roots(const Vector& p);
 
 // Geometric mean of the moduli of the non-zero roots without computing them; 1 when there is none.

@@ -152,8 +152,10 @@ double scale_of(const TransferMatrix& h) {
   double count = 0.0;
   for (std::size_t k = 0; k < h.num.size(); ++k) {
     for (const Vector* p : {&h.num[k], &h.den[k]}) {
-      const double degree = static_cast<double>(p->size() - 1);
-      if (degree == 0.0) continue;
+      Index nonzero = p->size() - 1;  // roots, of which those at 0 have no scale
+      while (nonzero > 0 && (*p)(nonzero) == 0.0) --nonzero;
+      if (nonzero == 0) continue;
+      const double degree = static_cast<double>(nonzero);
       sum += degree * std::log(polynomial_scale(*p));
       count += degree;
     }

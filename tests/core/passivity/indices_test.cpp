@@ -78,7 +78,6 @@ struct Case {
 };
 
 TEST(PositiveReal, PolesOnTheAxisAndAtInfinity) {
-  GTEST_SKIP() << "being completed";
   const Answer yes = Answer::kPassive;
   const Answer no = Answer::kNotPassive;
   const Case cases[] = {
@@ -145,7 +144,7 @@ TEST(PositiveReal, DoesNotDependOnUnits) {
       EXPECT_NEAR(found.input.value / gain, -3.876493197e-4, 1e-12);
       EXPECT_NEAR(found.input.omega / scale, 11.24638, 1e-4);
       const System z = one_port(gain * poly({1.0 / scale, 0.2, scale}), poly({1.0, 0.0}));
-      EXPECT_NEAR(passivity_indices(z).input.value / gain, 0.2, 1e-12);
+      EXPECT_NEAR(passivity_indices(z).input.value / gain, 0.2, 1e-14);
       EXPECT_EQ(passivity_indices(z).answer, Answer::kPassive);
     }
   }
@@ -228,7 +227,6 @@ TEST(Ports, PartlyLossless) {
 }
 
 TEST(Bands, SpeakOfTheResponseOnly) {
-  GTEST_SKIP() << "being completed";
   const System h = one_port(poly({1.0, 3.1}), poly({1.0, 3.0, 2.0}));
   IndexOptions low;
   low.band = Band{0.0, 5.0};
@@ -357,11 +355,6 @@ void compare(std::uint64_t stream, int points) {
 
 TEST(RandomSystems, AgreeWithADenseSweep) {
   for (std::uint64_t stream = 0; stream < 400; ++stream) compare(stream, 500);
-}
-
-// Half a minute and more: run with --gtest_also_run_disabled_tests.
-TEST(RandomSystems, DISABLED_TenThousandAgreeWithADenseSweep) {
-  for (std::uint64_t stream = 0; stream < 10000; ++stream) compare(stream, 1500);
 }
 
 }  // namespace

@@ -243,13 +243,7 @@ void compare(std::uint64_t stream, int points) {
 }
 
 TEST(RandomNetworks, AgreeWithTheWorstTermination) {
-  GTEST_SKIP() << "being completed";
   for (std::uint64_t stream = 0; stream < 400; ++stream) compare(stream, 60);
-}
-
-// A minute and more: run with --gtest_also_run_disabled_tests.
-TEST(RandomNetworks, DISABLED_TenThousandAgreeWithTheWorstTermination) {
-  for (std::uint64_t stream = 0; stream < 10000; ++stream) compare(stream, 200);
 }
 
 }  // namespace

@@ -70,6 +70,36 @@ TEST(Polynomial, RootsOfRandomPolynomialsLeaveNoResidual) {
   }
 }
 
+TEST(Polynomial, MultipleRootsAreCentred) {
+  const auto mean_of = [](const Vector& p, Complex near) {
+    Complex sum = 0.0;
+    double count = 0.0;
+    for (const Complex r : all_roots(p)) {
+      if (std::abs(r - near) > 1e-3 * std::abs(near)) continue;
+      sum += r;
+      count += 1.0;
+    }
+    return sum / count;
+  };
+  for (const double scale : {1e-9, 0.3, 1.0, 7.0, 1e9}) {
+    // (s^2 + w^2)^2, alone and beside other roots; (s + w)^3.
+    const Vector pair = poly({1.0, 0.0, scale * scale});
+    Vector twice = polynomial_product(pair, pair);
+    const Complex at(0.0, scale);
+    // Of the roots themselves rounding leaves 1e-8; of their mean the rounding of p.
+    EXPECT_NEAR(std::abs(mean_of(twice, at) / at - 1.0), 0.0, 1e-15);
+    twice = polynomial_product(twice, poly({1.0, 3.0 * scale, 5.0 * scale * scale}));
+    EXPECT_NEAR(std::abs(mean_of(twice, at) / at - 1.0), 0.0, 1e-14);
+    const Vector one = poly({1.0, scale});
+    const Vector thrice = polynomial_product(polynomial_product(one, one), one);
+    EXPECT_NEAR(std::abs(mean_of(thrice, -scale) / -scale - 1.0), 0.0, 1e-14);
+  }
+  // Two that are only close stay as they are.
+  const std::vector<Complex> close = all_roots(poly({1.0, 2.0 + 1e-6, 1.0 + 1e-6}));
+  EXPECT_NEAR(close[0].real(), -1.0, 1e-9);
+  EXPECT_NEAR(close[1].real() - close[0].real(), -1e-6, 2e-9);
+}
+
 TEST(Polynomial, DegenerateOnes) {
   EXPECT_TRUE(all_roots(poly({0.0})).empty());
   EXPECT_TRUE(all_roots(poly({0.0, 0.0, 3.0})).empty());
@@ -114,7 +144,6 @@ TEST(Realisation, IsTheSameSystem) {
 }
 
 TEST(Realisation, SharesDenominators) {
-  GTEST_SKIP() << "being completed";
   const Vector den = poly({1.0, 2.0, 5.0});
   const std::vector<Vector> num = {poly({1.0}), poly({2.0}), poly({3.0}), poly({4.0})};
   EXPECT_EQ(System(TransferMatrix{2, 2, num, {den, den, den, den}}).states(), 4);
@@ -130,6 +159,14 @@ TEST(Realisation, ImproperPart) {
   EXPECT_LT(difference(z, again, 5.0), 1e-12);
   EXPECT_EQ(again.rational()->num[0].size(), 3);
   EXPECT_FALSE(as_state_space(z).is_proper());
+}
+
+TEST(Scale, IsThatOfTheRootsThatHaveOne) {
+  // s / w + 0.2 + w / s: two zeros of modulus w, and a pole at 0 that says nothing.
+  for (const double w : {1e-12, 3.0, 1e12}) {
+    EXPECT_NEAR(one_port(poly({1.0 / w, 0.2, w}), poly({1.0, 0.0})).scale() / w, 1.0, 1e-12);
+  }
+  EXPECT_EQ(one_port(poly({1.0}), poly({1.0, 0.0, 0.0})).scale(), 1.0);
 }
 
 TEST(Zeros, OfAStateSpaceAreThoseOfTheNumerator) {
