@@ -10,17 +10,14 @@
 namespace ulna {
 namespace {
 
-// Of the variance of the error over the least, from which on Young's criterion may choose.
-constexpr double kNearBest = 1.05;
-
-// Standard errors by which a smaller model must be worse. One would be too few: the least error is
-// picked among many, and of models that hold the truth one is best by chance.
+// Standard errors by which another model must be worse to be left out. One would be too few: the
+// least error is picked among many, and of models that hold the truth one is best by chance.
 constexpr double kSignificant = 2.0;
 
 // Percent accounted for, above which what is left is rounding and compares with nothing.
 constexpr double kExact = 100.0 - 1e-9;
 
-constexpr Index kBlocks = 20;  // of held-out rows; errors of neighbours are correlated
+constexpr Index kBlocks = 20;  // of rows; errors of neighbours are correlated
 
 std::string name_of(const OrderCandidate& c) {
   return sentence(6, c.poles, c.poles == 1 ? " pole, " : " poles, ", c.zeros,
@@ -41,17 +38,14 @@ double held_out_error(const OrderCandidate& c) {
   return count > 0 ? sum / static_cast<double>(count) : kInfinity;
 }
 
-// Mean and standard error of the difference of squared held-out errors, over blocks of rows.
-struct Difference {
-  double mean = 0.0;
-  double error = 0.0;
-};
-
-Difference compare(const OrderCandidate& worse, const OrderCandidate& best) {
+// Whether the mean difference of squared errors is within two standard errors of it, which come
+// from blocks of rows. A superfluous coefficient takes about chi-squared from the sum of squares on
+// the rows that it was estimated from; that is one standard error at 4, and two at 16.
+bool as_good_as(const Vector& worse, const Vector& best) {
   std::vector<double> rows;
-  for (Index k = 0; k < best.fit.validation_error.size(); ++k) {
-    const double a = worse.fit.validation_error[k];
-    const double b = best.fit.validation_error[k];
+  for (Index k = 0; k < best.size(); ++k) {
+    const double a = worse[k];
+    const double b = best[k];
     if (!std::isnan(a) && !std::isnan(b)) rows.push_back(a * a - b * b);
   }
   const Index blocks = std::min<Index>(kBlocks, static_cast<Index>(rows.size()));
@@ -68,7 +62,7 @@ Difference compare(const OrderCandidate& worse, const OrderCandidate& best) {
   const double n = static_cast<double>(blocks);
   const double mean = means.mean();
   const double variance = (means.array() - mean).square().sum() / std::max(1.0, n - 1.0);
-  return {mean, std::sqrt(variance / n)};
+  return mean <= kSignificant * std::sqrt(variance / n);
 }
 
 double value_of(const OrderCandidate& c, OrderCriterion criterion) {
@@ -108,13 +102,15 @@ const char* word_of(OrderCriterion criterion) {
 void recommend(OrderSearch& search, OrderCriterion criterion) {
   const auto& all = search.candidates;
   const auto usable = [](const OrderCandidate& c) { return c.note.empty(); };
-  double least = kInfinity;
+  const OrderCandidate* closest = nullptr;
   for (const OrderCandidate& c : all) {
-    if (usable(c)) least = std::min(least, c.fit.noise_variance);
+    const bool closer = closest == nullptr || c.fit.noise_variance < closest->fit.noise_variance;
+    if (usable(c) && closer) closest = &c;
   }
   for (std::size_t i = 0; i < all.size(); ++i) {
     if (!usable(all[i])) continue;
-    const bool near = all[i].fit.noise_variance <= kNearBest * least || all[i].fit.vaf > kExact;
+    const bool near =
+        all[i].fit.vaf > kExact || as_good_as(all[i].fit.output_error, closest->fit.output_error);
     if (criterion == OrderCriterion::kYic && !near) continue;
     search.recommended = static_cast<Index>(i);
     break;
@@ -130,16 +126,18 @@ void recommend(OrderSearch& search, OrderCriterion criterion) {
     search.reason =
         sentence(6, name_of(best), ": the least ", word_of(criterion),
                  criterion == OrderCriterion::kYic
-                     ? " among the models whose error has a variance within 5 % of the least"
+                     ? " among the models whose error is within two standard errors of the least"
                      : " of the models that converged to a stable, determined estimate");
     return;
   }
   std::size_t chosen = static_cast<std::size_t>(search.recommended);
   for (std::size_t i = 0; i < all.size(); ++i) {
     if (!usable(all[i]) || size_of(all[i]) >= size_of(all[chosen])) continue;
-    const Difference d = compare(all[i], best);
     // Sorted: the better one of a size comes first.
-    if (d.mean <= kSignificant * d.error || all[i].fit.vaf_held_out > kExact) chosen = i;
+    if (all[i].fit.vaf_held_out > kExact ||
+        as_good_as(all[i].fit.validation_error, best.fit.validation_error)) {
+      chosen = i;
+    }
   }
   search.recommended = static_cast<Index>(chosen);
   const OrderCandidate& c = all[chosen];
@@ -222,7 +220,9 @@ OrderSearch search_orders(MatrixRef inputs, VectorRef output, double rate_hz,
           c.fit = identify_rational(inputs, output, rate_hz, ranges, own);
           c.note = complaint(c.fit.outcome);
           c.fit.simulated.resize(0);
-          c.fit.output_error.resize(0);
+          // Of the rows that it was estimated from, for Young's criterion.
+          c.fit.output_error =
+              c.fit.validation_error.array().isNaN().select(c.fit.output_error, kNaN);
         } catch (const Error& error) {
           // What is wrong with the data or the call is so for every order.
           if (error.fault() != Fault::kAnalysis || error.argument() == "inputs" ||
@@ -239,6 +239,7 @@ OrderSearch search_orders(MatrixRef inputs, VectorRef output, double rate_hz,
                      return value_of(x, criterion) < value_of(y, criterion);
                    });
   recommend(search, criterion);
+  for (OrderCandidate& c : search.candidates) c.fit.output_error.resize(0);
   return search;
 }
 

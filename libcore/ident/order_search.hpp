@@ -10,10 +10,12 @@
 namespace ulna {
 
 enum class OrderCriterion {
-  kHeldOut,  // the fewest coefficients whose held-out error is within two standard errors of the best
-  kBic,      // Bayesian information criterion (Schwarz 1978)
-  kAicc,     // Akaike's, corrected for few rows (Hurvich and Tsai 1989)
-  kYic,      // Young's information criterion, if the error's variance is within 5 % of the least (Young 1989)
+  // The fewest coefficients whose held-out error is within two standard errors of the least.
+  kHeldOut,
+  kBic,   // Bayesian information criterion (Schwarz 1978)
+  kAicc,  // Akaike's, corrected for few rows (Hurvich and Tsai 1989)
+  // Young's information criterion (1989) among those whose error is as close to the least.
+  kYic,
 };
 
 struct OrderGrid {

@@ -13,7 +13,7 @@ namespace ulna {
 namespace {
 
 // A step that moves the output by less than this share of it is rounding.
-constexpr double kRounding = 1e-12;
+constexpr double kStepRounding = 1e-12;
 
 // Sensitivities of unit length that are closer to dependent than this determine nothing.
 constexpr double kWorstCondition = 1e7;
@@ -256,7 +256,7 @@ Solution Search::iterate(Solution current) {
     if (!std::isfinite(reached)) {
       // No direction helps: either nothing is left to gain, or the model ends here.
       const double gain = eq.g.dot(direction(eq, eq.zz, chosen));
-      current.converged = gain <= 1e-8 * sse + kRounding * kRounding * total;
+      current.converged = gain <= 1e-8 * sse + kStepRounding * kStepRounding * total;
       sse = sum_of(theta);
       break;
     }
@@ -265,8 +265,8 @@ Solution Search::iterate(Solution current) {
     const double variance = reached / std::max(1.0, rows - static_cast<double>(theta.size()));
     const double least =
         options_.tolerance * options_.tolerance * variance * static_cast<double>(chosen.size());
-    current.converged =
-        whole && !current.reflected && moved <= std::max(least, kRounding * kRounding * total);
+    current.converged = whole && !current.reflected &&
+                        moved <= std::max(least, kStepRounding * kStepRounding * total);
     theta = next;
     sse = reached;
   }

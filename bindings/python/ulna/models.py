@@ -636,8 +636,8 @@ def select_order(
     criterion : {"held-out", "bic", "aicc", "yic"}
         "held-out": the fewest coefficients whose held-out error is within two standard errors of
         the least, which needs no assumption on the noise. "bic", "aicc": information criteria,
-        which take the noise as white. "yic": Young's, among models whose error has a variance
-        within 5 % of the least.
+        which take the noise as white. "yic": Young's, among models whose error is within two
+        standard errors of the least.
     held_out : float
         Share of each run, its end, that validates.
     threads : int

@@ -188,7 +188,6 @@ TEST(Srivc, GradientIsThatOfTheOutputError) {
 }
 
 TEST(Srivc, RunsAreNeverJoined) {
-  GTEST_SKIP() << "being completed";
   const Rational truth = mass_spring();
   const Matrix u = levels(4000, 20, 7);
   Vector y = simulate_rational(truth, {0.0}, Hold::kZero, u, 100.0);
@@ -359,7 +358,6 @@ TEST(Srivc, RefusesWhatCannotBeUsed) {
 }
 
 TEST(Orders, TheTruthIsRecommendedByEveryCriterion) {
-  GTEST_SKIP() << "being completed";
   const Rational truth{Eigen::Vector3d(250.0, 45.0, 12.0), {Eigen::Vector2d(250.0, 30.0)}};
   const Matrix u = levels(6000, 10, 18);
   const Vector y = noisy(simulate_rational(truth, {0.05}, Hold::kZero, u, 100.0), 0.05, 19);
