@@ -12,6 +12,7 @@ from .record import refuse
 
 if TYPE_CHECKING:
     from ._study_indices import Convergence, Screening, SobolIndices
+    from ._study_two_phase import TwoPhase
     from .study import Runs
 
 _COLOURS = (BLUE, ORANGE, GREEN, PINK, AMBER, SKY)
@@ -118,6 +119,40 @@ def screening(result: Screening, ax: Any = None) -> Any:
         ax.set_title(f"Elementary effects of {result.output}")
         ax.set_xlabel(f"mean magnitude µ*, per unit of quantile{bars}")
         ax.set_ylabel("standard deviation σ")
+        ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
+        return ax
+
+
+def fixing(result: TwoPhase, ax: Any = None, *, output: str | None = None) -> Any:
+    """µ* of each factor as a share of the largest, and the share below which it is fixed."""
+    if output is not None and output not in result.screening:
+        raise refuse(f"there is no output {output!r}", "output")
+    one = result.screening[output or next(iter(result.screening))]
+    largest = float(np.max(one.mu_star)) or 1.0
+    order = np.argsort(one.mu_star, kind="stable")
+    with style():
+        (ax,) = axes_grid(ax, 1, 1, (WIDTH_IN * 0.8, max(2.2, 0.9 + 0.24 * len(order))))[0]
+        for kept, colour, marker, word in ((True, BLUE, "o", "ranked"), (False, ORANGE, "s", "fixed")):
+            rows = [k for k, i in enumerate(order) if (one.names[i] in result.kept) == kept]
+            if not rows:
+                continue
+            value = one.mu_star[order[rows]] / largest
+            interval = one.intervals["mu_star"][order[rows]] / largest
+            ax.errorbar(
+                value, rows, xerr=_errors(value, interval), fmt=marker, color=colour, capsize=2.5,
+                markersize=5, elinewidth=1.0, label=word,
+            )  # fmt: skip
+        ax.axvline(
+            result.share, color=INK, linestyle="--", linewidth=0.9,
+            label=f"{100 * result.share:g} % of the largest",
+        )  # fmt: skip
+        ax.set_yticks(np.arange(len(order)), [one.names[i] for i in order])
+        ax.set_ylim(-0.6, len(order) - 0.4)
+        ax.set_xlim(left=0.0)
+        ax.grid(False, axis="y")
+        ax.set_title(f"What is fixed: effects on {one.output}")
+        bars = "" if one.interval == "none" else f"; bars: {_level(one.level)} interval"
+        ax.set_xlabel("µ*, share of the largest" + bars)
         ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
         return ax
 

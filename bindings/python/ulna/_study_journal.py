@@ -51,13 +51,18 @@ def plan_of(
 
     The function's own source is part of it; what it calls is not.
     """
+    fixed = getattr(function, "fixed", None)  # of Study.fix
+    if fixed is not None:
+        function = function.function
+    source = getattr(function, "plan_source", None)
     try:
-        source = inspect.getsource(function)
+        source = inspect.getsource(function) if source is None else source
         digest = hashlib.sha256(source.encode("utf-8")).hexdigest()
     except (OSError, TypeError, SyntaxError, IndexError):  # no file, or none that it can be found in
         digest = None
     points = design.points
     return {
+        **({} if fixed is None else {"fixed": dict(fixed)}),
         "factors": {
             name: [type(factor).__name__, np.asarray(factor._parameters(), dtype=float).tolist()]
             for name, factor in design.factors.items()

@@ -28,6 +28,7 @@ from ._plot_sim import absorbed_energy, loop
 from ._plot_study import (
     convergence,
     failure_map,
+    fixing,
     output_density,
     output_scatter,
     screening,
@@ -47,6 +48,7 @@ __all__ = [
     "energy",
     "entry_names",
     "failure_map",
+    "fixing",
     "frequency_response",
     "human_share",
     "joint",

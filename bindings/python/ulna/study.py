@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -30,6 +31,7 @@ from ._factors import (
     Uniform,
     check_factors,
 )
+from ._call import DataError
 from ._study_design import StudyDesign, one_of
 from ._study_indices import (
     ON_FAILURE,
@@ -40,8 +42,12 @@ from ._study_indices import (
     analyse,
 )
 from ._study_journal import StudyJournal, plan_of
-from ._study_run import Runner, RunFailed
+from ._study_call import Call, RunFailed
+from ._study_progress import Meter, StudyProgress
+from ._study_run import NOT_RUN, Runner
 from ._study_salib import GivenData, factors_of_problem, given_data, problem_of
+from ._study_shards import check_shard, merge, rows_of_shard
+from ._study_two_phase import Fixed, TwoPhase, two_phase
 from .record import refuse
 
 __all__ = [
@@ -59,11 +65,19 @@ __all__ = [
     "Study",
     "StudyDesign",
     "StudyJournal",
+    "StudyProgress",
     "Triangular",
     "TruncatedNormal",
+    "TwoPhase",
     "Uniform",
+    "merge",
 ]
 
+# What Study.run takes besides what the analyses take.
+_RUNNING = (
+    "journal", "progress", "executor", "workers", "isolate", "timeout_s", "retries", "task_s",
+    "budget_s",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +90,7 @@ class Runs:
     y : ndarray, shape (rows, outputs)
         NaN where a run failed.
     status : ndarray of int
-        0 for a good run, else a place in `STATUSES`.
+        0 for a good run, else a place in `STATUSES`; -1 for a row that was not run.
     wall_s : ndarray
         Time of each run, s; NaN when it is not known.
     outputs : tuple of str
@@ -94,7 +108,13 @@ class Runs:
     @property
     def failed(self) -> np.ndarray:
         """Rows whose run failed."""
-        return np.flatnonzero((self.status != 0) | ~np.isfinite(self.y).all(axis=1))
+        lost = (self.status != 0) | ~np.isfinite(self.y).all(axis=1)
+        return np.flatnonzero(lost & (self.status != NOT_RUN))
+
+    @property
+    def missing(self) -> np.ndarray:
+        """Rows that were not run: of another shard, or because the time was up."""
+        return np.flatnonzero(self.status == NOT_RUN)
 
     def output(self, name: str | None = None) -> np.ndarray:
         """One output, (rows,); the first when no name is given."""
@@ -109,6 +129,14 @@ class Runs:
 
     def _analysis(self, output: str | None, effects: bool, **chosen: Any) -> Any:
         place = self._place(output)
+        if self.missing.size:
+            raise DataError(
+                f"{self.missing.size} of {len(self.y)} runs are missing: go on with the study and "
+                "its journal, or merge its shards",
+                status="ULNA_ERROR_DATA",
+                argument="runs",
+                detail=f"row {self.missing[0]}",
+            )
         y = np.ascontiguousarray(self.y[:, place])
 
         def again(**subset: Any) -> Any:
@@ -313,6 +341,22 @@ class Runs:
         return f"<Runs of {', '.join(self.outputs)}: {len(self.y)} rows, {len(self.failed)} failed>"
 
 
+def _check_running(
+    workers: Any, timeout_s: Any, retries: Any, task_s: Any, budget_s: Any
+) -> None:
+    if not isinstance(workers, int) or not 1 <= workers <= 4096:
+        raise refuse(f"workers is {workers!r}; it must be a whole number from 1 to 4096", "workers")
+    if not isinstance(retries, int) or not 0 <= retries <= 100:
+        raise refuse(f"retries is {retries!r}; it must be a whole number from 0 to 100", "retries")
+    for value, name, optional in (
+        (timeout_s, "timeout_s", True),
+        (task_s, "task_s", False),
+        (budget_s, "budget_s", True),
+    ):
+        if not (optional and value is None) and not (np.isfinite(value) and value > 0):
+            raise refuse(f"{name} is {value!r}; it must be positive", name)
+
+
 class Study:
     """Factors with their uncertainty, and the function of them that is studied.
 
@@ -373,10 +417,20 @@ class Study:
         *,
         on_failure: str = "error",
         journal: str | os.PathLike[str] | None = None,
-        writer: str = "main",
-        progress: bool = False,
+        writer: str | None = None,
+        progress: bool | Callable[[StudyProgress], Any] = False,
+        executor: Any = None,
+        workers: int = 1,
+        isolate: bool | None = None,
+        timeout_s: float | None = None,
+        retries: int = 1,
+        task_s: float = 10.0,
+        shard: tuple[int, int] | None = None,
+        budget_s: float | None = None,
     ) -> Runs:
         """Run the function at every row of a design.
+
+        Results do not depend on where the rows are run, nor in what order.
 
         Parameters
         ----------
@@ -386,12 +440,34 @@ class Study:
             analysis decides what to do about it.
         journal : path, optional
             A folder that keeps each result as soon as it is there. After a kill the same call goes
-            on where it stopped: rows that are done are not run again. A folder of another plan
-            (factors, design, outputs, source of the function) is refused.
-        writer : str
-            Name of the file in it, for one process at a time.
-        progress : bool
-            Show a bar (needs tqdm).
+            on where it stopped: rows that are done are not run again, those that crashed or took
+            too long are. A folder of another plan (factors, design, outputs, source of the
+            function) is refused.
+        writer : str, optional
+            Name of the file in it, for one process at a time; "main", or one of the shard's.
+        progress : bool or callable
+            Show a bar with the time left and the indices so far (needs tqdm), or call this with a
+            `StudyProgress` every second.
+        executor : optional
+            Where rows are run: any executor of concurrent.futures, a Dask client or its executor,
+            MPI's ``MPIPoolExecutor``.
+        workers : int
+            Without an executor: slots on this machine. With one: its slots, where it does not say.
+        isolate : bool, optional
+            Run the function in a child process of each slot: a run that crashes natively, or is
+            killed, has status "crashed" and takes nothing else along. The default with more than
+            one slot, an executor or a `timeout_s`. What a run prints or keeps in globals stays
+            there.
+        timeout_s : float, optional
+            A run that takes longer is killed, with status "timeout".
+        retries : int
+            How often a run that crashed or took too long is tried again; other failures are final.
+        task_s : float
+            Rows are handed out in tasks of about this many seconds.
+        shard : (int, int), optional
+            ``(i, n)``: only the i-th of n parts, i from 1. Needs a journal; see `merge`.
+        budget_s : float, optional
+            Begin no more runs after this time; call again with the journal to go on.
         """
         if self.function is None:
             raise refuse(
@@ -400,31 +476,156 @@ class Study:
         one_of(ON_FAILURE, on_failure, "on_failure")
         if list(design.function_factors) != list(self.factors):
             raise refuse("the design is one of other factors", "design")
-        kept = None
-        if journal is not None:
-            kept = StudyJournal(
-                journal,
-                plan=plan_of(design, self.outputs, self.function, self.vectorized),
-                rows=design.rows,
-                outputs=len(self.outputs),
-                writer=writer,
-            )
+        _check_running(workers, timeout_s, retries, task_s, budget_s)
+        if shard is not None:
+            check_shard(shard)
+            if journal is None:
+                raise refuse("a shard needs a journal: it is what shards are merged from", "journal")
+        apart = executor is not None or workers > 1 or timeout_s is not None
+        if isolate is False and timeout_s is not None:
+            raise refuse("timeout_s needs isolate: only a process can be ended", "isolate")
+        isolate = apart if isolate is None else bool(isolate)
+        name = writer or ("main" if shard is None else f"shard-{shard[0]}-of-{shard[1]}")
+        kept = None if journal is None else self._journal(design, journal, name)
         try:
             runner = Runner(
-                self.function,
+                self._call(design),
                 design,
-                self.outputs,
-                scalar=self._scalar,
-                vectorized=self.vectorized,
                 on_failure=on_failure,
                 journal=kept,
+                rows=None if shard is None else rows_of_shard(design, shard),
+                budget_s=budget_s,
             )
-            runner.run(progress)
+            with contextlib.ExitStack() as stack:
+                if progress:
+                    stack.enter_context(Meter(runner, progress).running())
+                if apart or isolate:
+                    from ._study_farm import Farm
+
+                    farm = Farm(
+                        runner,
+                        isolate=isolate,
+                        timeout_s=timeout_s,
+                        retries=retries,
+                        task_s=task_s,
+                    )
+                    farm.run(executor, workers)
+                else:
+                    runner.run()
         finally:
             if kept is not None:
                 kept.close()
+        return self._runs(runner)
+
+    def collect(self, design: StudyDesign, *, journal: str | os.PathLike[str]) -> Runs:
+        """What a journal knows of a design's runs, without running any."""
+        kept = self._journal(design, journal, None)
+        try:
+            return self._runs(
+                Runner(self._call(design), design, on_failure="drop_block", journal=kept)
+            )
+        finally:
+            kept.close()
+
+    def fix(self, **values: float) -> Study:
+        """The same study with some factors at fixed values, as ``study.fix(mass=2.1)``."""
+        unknown = set(values) - set(self.factors)
+        if unknown or len(values) >= len(self.factors):
+            raise refuse(
+                f"there is no factor {min(unknown)!r}"
+                if unknown
+                else "at least one factor must remain",
+                "values",
+            )
+        rest = {name: factor for name, factor in self.factors.items() if name not in values}
+        groups = None
+        if self.groups is not None:
+            groups = {name: group for name, group in self.groups.items() if name in rest} or None
+        numbers = {name: float(value) for name, value in values.items()}
+        return Study(
+            rest,
+            None if self.function is None else Fixed(self.function, numbers),
+            outputs=None if self._scalar else self.outputs,
+            groups=groups,
+            vectorized=self.vectorized,
+        )
+
+    def two_phase(
+        self,
+        *,
+        r: int = 64,
+        n: int = 1024,
+        share: float = 0.05,
+        seed: int = 0,
+        keep: Sequence[str] = (),
+        values: Mapping[str, float] | None = None,
+        on_failure: str = "error",
+        journal: str | os.PathLike[str] | None = None,
+        screening: Mapping[str, Any] | None = None,
+        ranking: Mapping[str, Any] | None = None,
+        **running: Any,
+    ) -> TwoPhase:
+        """Screen all factors, fix the negligible ones, rank the others.
+
+        Elementary effects first, r (K + 1) runs. A factor (or group) is fixed when the high end of
+        its mu*'s interval is below `share` of the largest mu*, for every output. The others get
+        variance-based indices.
+
+        Parameters
+        ----------
+        r, n : int
+            Repetitions of the screening; base points of the ranking.
+        share : float
+            Of the largest mu*.
+        keep : sequence of str
+            Factors that are never fixed.
+        values : dict of str to float, optional
+            Where factors are fixed; their median by default.
+        journal : path, optional
+            A folder; each phase has its own in it.
+        screening, ranking : dict, optional
+            More for `screen` and for `sobol`, as ``{"guard": 0}`` and ``{"replicates": 8}``.
+        **running
+            As of `run`: executor, workers, isolate, timeout_s, retries, progress, ...
+        """
+        return two_phase(
+            self,
+            r=r,
+            n=n,
+            share=share,
+            seed=seed,
+            keep=keep,
+            values=values,
+            on_failure=on_failure,
+            journal=journal,
+            screening=screening,
+            ranking=ranking,
+            **running,
+        )
+
+    def _call(self, design: StudyDesign) -> Call:
+        return Call(
+            function=self.function,
+            names=design.function_factors,
+            outputs=self.outputs,
+            scalar=self._scalar,
+            vectorized=self.vectorized,
+        )
+
+    def _journal(
+        self, design: StudyDesign, folder: str | os.PathLike[str], writer: str | None
+    ) -> StudyJournal:
+        return StudyJournal(
+            folder,
+            plan=plan_of(design, self.outputs, self.function, self.vectorized),
+            rows=design.rows,
+            outputs=len(self.outputs),
+            writer=writer,
+        )
+
+    def _runs(self, runner: Runner) -> Runs:
         return Runs(
-            design, runner.y, runner.status, runner.wall_s, self.outputs, runner.messages
+            runner.design, runner.y, runner.status, runner.wall_s, self.outputs, runner.messages
         )
 
     def screen(
@@ -439,9 +640,7 @@ class Study:
         replicates: int = 1,
         dummy: bool = False,
         on_failure: str = "error",
-        journal: str | os.PathLike[str] | None = None,
-        progress: bool = False,
-        **analysis: Any,
+        **options: Any,
     ) -> Screening:
         """Elementary effects: which factors can be left alone? r (K + 1) runs.
 
@@ -461,10 +660,10 @@ class Study:
             Of the grid of trajectories.
         dummy : bool
             Add a factor that the function never sees: the noise of a random function.
-        journal : path, optional
-            Keeps results against any kill; see `run`.
-        on_failure, output, interval, level, resamples
+        on_failure, output, interval, level, resamples, threads
             See `Runs.screen`.
+        journal, progress, executor, workers, isolate, timeout_s, retries, task_s, budget_s
+            See `run`.
         """
         design = self.design(
             scheme=scheme,
@@ -476,10 +675,9 @@ class Study:
             seed=seed,
             dummy=dummy,
         )
-        runs = self.run(
-            design, on_failure=on_failure, journal=journal, progress=progress
-        )
-        return runs.screen(on_failure=on_failure, seed=seed, **analysis)
+        running = {name: options.pop(name) for name in _RUNNING if name in options}
+        runs = self.run(design, on_failure=on_failure, **running)
+        return runs.screen(on_failure=on_failure, seed=seed, **options)
 
     def sobol(
         self,
@@ -491,9 +689,7 @@ class Study:
         replicates: int = 1,
         dummy: bool = False,
         on_failure: str = "error",
-        journal: str | os.PathLike[str] | None = None,
-        progress: bool = False,
-        **analysis: Any,
+        **options: Any,
     ) -> SobolIndices:
         """Variance-based indices: how much of the output's variance is each factor's?
 
@@ -511,10 +707,10 @@ class Study:
             Independent scrambles; with at least two the intervals are those of their spread.
         dummy : bool
             Add a factor that the function never sees: the noise of a random function.
-        journal : path, optional
-            Keeps results against any kill; see `run`.
-        on_failure, output, estimator, interval, level, resamples
+        on_failure, output, estimator, interval, level, resamples, threads
             See `Runs.sobol`.
+        journal, progress, executor, workers, isolate, timeout_s, retries, task_s, budget_s
+            See `run`.
         """
         design = self.design(
             scheme="saltelli",
@@ -525,10 +721,9 @@ class Study:
             seed=seed,
             dummy=dummy,
         )
-        runs = self.run(
-            design, on_failure=on_failure, journal=journal, progress=progress
-        )
-        return runs.sobol(on_failure=on_failure, seed=seed, **analysis)
+        running = {name: options.pop(name) for name in _RUNNING if name in options}
+        runs = self.run(design, on_failure=on_failure, **running)
+        return runs.sobol(on_failure=on_failure, seed=seed, **options)
 
     def sample(
         self,
@@ -538,16 +733,16 @@ class Study:
         sampler: str = "sobol",
         candidates: int = 1,
         on_failure: str = "error",
-        journal: str | os.PathLike[str] | None = None,
-        progress: bool = False,
+        **running: Any,
     ) -> Runs:
-        """Run a plain sample of the factors: for densities, scatter plots and given-data indices."""
+        """Run a plain sample of the factors: for densities, scatter plots and given-data indices.
+
+        Options are those of `design` and of `run`.
+        """
         design = self.design(
             scheme="sample", sampler=sampler, n=n, candidates=candidates, seed=seed
         )
-        return self.run(
-            design, on_failure=on_failure, journal=journal, progress=progress
-        )
+        return self.run(design, on_failure=on_failure, **running)
 
     @property
     def problem(self) -> dict[str, Any]:
