@@ -25,7 +25,7 @@ help:  ## this list
 demo: .venv/installed  ## set up, build, and assess the bundled recording
 	@.venv/bin/ulna assess examples/data/relaxed-arm.csv --shoulder 0,0 --out out/demo
 
-test: .venv/installed configure  ## set up, build, and run every test
+test: configure  ## set up, build, and run every test
 	@cmake --build build
 	@$(PYTHON) tests/run.py build
 
@@ -75,9 +75,9 @@ packages:
 .venv/installed: $(SOURCES) .venv/tools | packages
 	@echo "Building and installing ulna into .venv"
 	@$(PYTHON) -m pip install --quiet --disable-pip-version-check --no-build-isolation \
-	  --config-settings=build-dir=build/python ".[all,test]"
+	  --config-settings=build-dir=build ".[all,test]"
 	@touch $@
 
-configure: .venv/tools | packages
-	@cmake -S . -B build -G Ninja -DCMAKE_BUILD_TYPE=Release \
-	  -DPython3_EXECUTABLE=$(CURDIR)/$(PYTHON) >/dev/null
+# The tests are added to what the package was built in: the core is compiled once.
+configure: .venv/installed
+	@cmake -S . -B build -DULNA_BUILD_TESTS=ON -DULNA_BUILD_EXAMPLES=ON >/dev/null

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -50,6 +51,70 @@ def add_command(commands: Any, name: str, *, summary: str, examples: str) -> arg
     return parser
 
 
+def add_recording(parser: argparse.ArgumentParser) -> None:
+    """The arguments that name a recording; `read_recording` reads it."""
+    parser.add_argument(
+        "file", metavar="FILE", nargs="+",
+        help="recording: CSV, TSV, MAT, NPZ or HDF5; several files are trials",
+    )  # fmt: skip
+    parser.add_argument("--map", metavar="MAP", help="TOML file that names columns and units")
+    parser.add_argument("--split", action="store_true", help="start a new trial after gaps")
+    parser.add_argument(
+        "--regularise", action="store_true", help="put jittering time stamps on an even clock"
+    )
+
+
+def read_recording(options: argparse.Namespace) -> Any:
+    """The record that `add_recording`'s arguments name; what goes wrong later names its findings."""
+    import ulna
+
+    record = options.record = ulna.read(options.file, map=options.map)
+    if options.split:
+        record = options.record = record.split()
+    if options.regularise:
+        record = options.record = record.regularise()
+    return record
+
+
+def add_results(parser: argparse.ArgumentParser, what: str) -> None:
+    """``--out`` and ``--json``; `say` serves them."""
+    parser.add_argument("--out", metavar="DIR", help=f"write {what}")
+    parser.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
+
+
+def say(options: argparse.Namespace, name: str, found: Any, values: dict[str, Any]) -> int:
+    """Print a result's summary or its JSON object; with ``--out`` write both it and its figure."""
+    from . import __version__
+    from ._result import plain
+
+    text = json.dumps(plain({**values, "ulna": __version__}), indent=2, allow_nan=False)
+    folder = None if options.out is None else Path(options.out)
+    if folder is not None:
+        _write(folder, name, found, text)
+    if options.json:
+        print(text)
+        return OK
+    print(found.summary())
+    if folder is not None:
+        print(f"\nfigure: {folder / (name + '.png')}")
+    return OK
+
+
+def _write(folder: Path, name: str, found: Any, text: str) -> None:
+    import matplotlib
+
+    from . import plot
+
+    matplotlib.use("Agg")  # a command opens no window
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "result.json").write_text(text + "\n", encoding="utf-8")
+    with plot.style():
+        drawn = found.plot()
+        first = drawn.ravel()[0] if hasattr(drawn, "ravel") else drawn
+        for ending in ("png", "svg"):
+            first.figure.savefig(folder / f"{name}.{ending}")
+
+
 def number(text: str) -> float:
     """A finite number."""
     try:
@@ -89,6 +154,19 @@ def count(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number above 0")
     return int(text)
+
+
+def numbers(text: str) -> list[float]:
+    """Numbers with commas or blanks between."""
+    return [number(part) for part in text.replace(",", " ").split()]
+
+
+def whole_numbers(text: str) -> list[int]:
+    """Whole numbers with commas between, as ``1,2,3``."""
+    parts = text.replace(",", " ").split()
+    if not parts or not all(part.isdecimal() for part in parts):
+        raise argparse.ArgumentTypeError(f"{text!r} is not whole numbers, as 1,2,3")
+    return [int(part) for part in parts]
 
 
 def pair(text: str) -> tuple[float, float]:

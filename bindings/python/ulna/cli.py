@@ -126,7 +126,15 @@ def _remedy(message: str, options: argparse.Namespace) -> str:
 
 
 # Modules with more commands, in the order of the help: `add_to(commands)` adds them.
-_COMMAND_MODULES: tuple[str, ...] = ("_command_design", "_command_validate", "_command_reflex", "_command_simulate")
+_COMMAND_MODULES: tuple[str, ...] = (
+    "_command_design",
+    "_command_simulate",
+    "_command_model",
+    "_command_reflex",
+    "_command_passivity",
+    "_command_rig",
+    "_command_validate",
+)
 
 
 # The parser --------------------------------------------------------------------------------------
