@@ -38,7 +38,9 @@ def test_arm(positions, tmp_path, capsys):
         sim.arms("3.2")["P1"], ulna.read(positions), human=sim.Human(tremor_n=0.3), seed=4
     )
     np.testing.assert_array_equal(log.values, expected.values)
-    assert ulna.identify_impedance(log).K[1, 1] == pytest.approx(125.43, rel=0.05)
+    estimate = ulna.identify_impedance(log)
+    # 15 s tell the stiffness to a few percent only.
+    assert abs(estimate.K[1, 1] - 125.43) < 4 * estimate.se("K")[1, 1] < 0.3 * 125.43
 
 
 def test_arm_of_a_file_and_of_another_table(positions, tmp_path, capsys):
