@@ -46,7 +46,7 @@ def test_passivity_of_files(capsys, tmp_path):
     capsys.readouterr()
     path.write_text(json.dumps({"num": [[[2], [1]], [[1], [2]]], "den": [1]}))
     assert run("passivity", path, "--two-port", "--json") == cli.OK
-    assert told(capsys)["tolerable_shortage"] == pytest.approx(1.5)
+    assert told(capsys)["largest_shortage"] == pytest.approx(1.5)
 
 
 @pytest.mark.parametrize(
@@ -145,7 +145,7 @@ def test_calibrate(capsys):
     assert run("rig", "calibrate", "--volts", volts, "--force", force, "--json") == cli.OK
     found = told(capsys)
     slope = np.polyfit([float(v) for v in volts.split()], [float(f) for f in force.split()], 1)[0]
-    assert found["slope"] == pytest.approx(slope)
+    assert found["slope_n_v"] == pytest.approx(slope)
     assert run("rig", "calibrate", "--volts", "1 2", "--force", "1") == cli.BAD_INPUT
 
 

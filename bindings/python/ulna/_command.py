@@ -110,9 +110,11 @@ def _write(folder: Path, name: str, found: Any, text: str) -> None:
     (folder / "result.json").write_text(text + "\n", encoding="utf-8")
     with plot.style():
         drawn = found.plot()
-        first = drawn.ravel()[0] if hasattr(drawn, "ravel") else drawn
+        figure = (drawn.ravel()[0] if hasattr(drawn, "ravel") else drawn).figure
+        while figure.figure is not figure:  # a part of a figure
+            figure = figure.figure
         for ending in ("png", "svg"):
-            first.figure.savefig(folder / f"{name}.{ending}")
+            figure.savefig(folder / f"{name}.{ending}")
 
 
 def number(text: str) -> float:
