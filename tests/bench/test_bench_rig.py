@@ -72,7 +72,8 @@ def test_force_ulna(benchmark, motion):
     log = record(t, q, loaded, a)
     force = benchmark(sense, log, acceleration="a", **FILTERS)
     best["ulna"] = benchmark.stats.stats.min
-    assert len(force.record) == 49_976
+    # Half a window and what the low pass takes to settle are left out at either end.
+    assert 49_500 < len(force.record) < 49_976
 
 
 @pytest.mark.benchmark(group="force on the handle: 50 s, 1 kHz")
@@ -81,8 +82,9 @@ def test_force_numpy(benchmark, motion):
     found = benchmark.pedantic(peer_force, (q, loaded, a), rounds=3)
     best["peer"] = benchmark.stats.stats.min
     ours = sense(record(t, q, loaded, a), acceleration="a", plain_savgol=True, **FILTERS).force
+    settled = (len(found) - len(ours)) // 2  # rows that only the peer keeps, at either end
     inner = slice(5000, -5000)  # SciPy pads less at the ends
-    assert np.allclose(found[inner], ours[inner], atol=1e-5)
+    assert np.allclose(found[settled : settled + len(ours)][inner], ours[inner], atol=1e-5)
 
 
 @pytest.mark.benchmark(group="force on the handle: 50 s, 1 kHz")
