@@ -33,7 +33,7 @@ ReflexOptions reflex_options(const ulna_reflex_options* given) {
   out.position = request.position;
   out.force = request.force;
   out.intrinsic = choice<Intrinsic>(o.intrinsic, ULNA_INTRINSIC_IMPULSE_RESPONSE, "intrinsic");
-  out.refit = choice<ReflexRefit>(o.refit, ULNA_REFIT_NO, "refit");
+  out.refit = choice<Refit>(o.refit, ULNA_REFIT_NO, "refit");
   out.side = o.side;
   if (o.order != 0) out.order = o.order;
   if (o.position_powers != 0) out.position_powers = o.position_powers;

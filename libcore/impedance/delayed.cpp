@@ -11,13 +11,13 @@
 #include "base/error.hpp"
 #include "base/words.hpp"
 #include "impedance/causal_element.hpp"
+#include "impedance/profile.hpp"
 #include "impedance/scores.hpp"
 #include "impedance/split.hpp"
 
 namespace ulna {
 namespace {
 
-constexpr double kQuantile = 1.959963984540054;  // 95 %
 constexpr Index kDelayPoints = 41;
 
 // Every stride-th row of spans of prepared trials that has the longest delay behind it.
@@ -307,28 +307,15 @@ void profile_of(DelayedEstimate& out, const Feedback& model, const Search& searc
   std::sort(points.begin(), points.end());
   out.profile_delay_s.resize(static_cast<Index>(points.size()));
   out.profile_statistic = out.profile_delay_s;
-  Index middle = 0;
   for (Index k = 0; k < out.profile_delay_s.size(); ++k) {
     const auto& point = points[static_cast<std::size_t>(k)];
     out.profile_delay_s[k] = point.first;
     out.profile_statistic[k] = std::max(0.0, point.second - least) * weight;
-    if (point.first == search.delay) middle = k;
   }
-  const auto walk = [&](Index direction) {
-    double before = 0.0;
-    Index k = middle + direction;
-    for (; k >= 0 && k < out.profile_delay_s.size(); k += direction) {
-      const double now = std::sqrt(out.profile_statistic[k]);
-      if (now > kQuantile) {
-        const double from = out.profile_delay_s[k - direction];
-        return from + (kQuantile - before) / (now - before) * (out.profile_delay_s[k] - from);
-      }
-      before = now;
-    }
-    return out.profile_delay_s[k - direction];
-  };
-  out.delay_interval[0] = walk(-1);
-  out.delay_interval[1] = walk(1);
+  const Eigen::Vector2d range =
+      likely_range(out.profile_delay_s, out.profile_statistic.cwiseSqrt(), kQuantile95);
+  out.delay_interval[0] = range[0];
+  out.delay_interval[1] = range[1];
 }
 
 ScoreTest test_feedback(const Feedback& model, const DelayedOptions& options, double rate,
@@ -411,8 +398,10 @@ void explain(DelayedEstimate& e, const DelayedOptions& o) {
                                   "): its delay and its parameters mean nothing."));
   }
   if ((e.outcome & kDelayedAtBound) != 0 && (e.outcome & kDelayedNotSignificant) == 0) {
-    e.warnings.push_back(sentence(3, "The delay lies at the end of its range (", 1e3 * e.delay_s,
-                                  " ms): widen it, or the feedback is not a single delay."));
+    e.warnings.push_back(sentence(
+        3, "The delay's interval, ", 1e3 * e.delay_interval[0], " to ", 1e3 * e.delay_interval[1],
+        " ms, reaches the end of its range: the data do not determine the delay, or the "
+        "range is too narrow, or the feedback is not a single delay."));
   }
   if (e.condition > kIllCondition && (e.outcome & kDelayedNotSignificant) == 0) {
     e.outcome |= kDelayedIllConditioned;
@@ -543,14 +532,8 @@ DelayedEstimate identify_delayed(const Record& record, const DelayedOptions& opt
   const double up = std::min(search.delay + small, options.delay_max_s);
   const double down = std::max(search.delay - small, options.delay_min_s);
   const Matrix slope = (all.regressors(up) - all.regressors(down)) * theta / (up - down);
-  Index longest = 1;
-  for (Index r = 0; r < all.runs().count(); ++r) {
-    longest = std::max(longest, all.runs().begin[static_cast<std::size_t>(r) + 1] -
-                                    all.runs().begin[static_cast<std::size_t>(r)]);
-  }
   const double sample_rate = rate / static_cast<double>(stride);
-  const Index lag =
-      std::min(static_cast<Index>(std::lround(options.hac_lag_s * sample_rate)), longest / 2);
+  const Index lag = lag_rows(all.runs(), options.hac_lag_s, sample_rate);
   const double independent =
       2.0 * prepared.report.effective_cutoff_hz * static_cast<double>(all.count()) / sample_rate;
   const double taken = static_cast<double>(5 * n + 2);
@@ -563,7 +546,8 @@ DelayedEstimate identify_delayed(const Record& record, const DelayedOptions& opt
       covariance(last, last) > 0.0 ? bread(last, last) / covariance(last, last) : 0.0;
   profile_of(out, all, search, weight, options);
   const double slack = 1e-4 * (options.delay_max_s - options.delay_min_s);
-  if (search.delay < options.delay_min_s + slack || search.delay > options.delay_max_s - slack) {
+  if (out.delay_interval[0] < options.delay_min_s + slack ||
+      out.delay_interval[1] > options.delay_max_s - slack) {
     out.outcome |= kDelayedAtBound;
   }
   const ScoreTest test = test_feedback(all, options, sample_rate, token);

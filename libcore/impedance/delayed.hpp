@@ -23,7 +23,7 @@ namespace ulna {
 enum DelayedOutcome : std::uint32_t {
   kDelayedGood = 0,
   kDelayedNotSignificant = 1u << 0,
-  kDelayedAtBound = 1u << 1,
+  kDelayedAtBound = 1u << 1,  // its interval reaches the end of the range
   kDelayedIllConditioned = 1u << 2,
   kDelayedPoorFit = 1u << 3,
   kDelayedUntested = 1u << 4,

@@ -268,16 +268,14 @@ Record joint_record(const Record& record, const Roles& roles, const TwoLink& arm
       throw Error(error.fault(), error.argument(), place + ": " + error.what(), place);
     }
   };
+  std::vector<bool> starts(static_cast<std::size_t>(rows), false);  // of trials
+  for (const Trial& trial : record.trials()) starts[static_cast<std::size_t>(trial.begin)] = true;
   std::vector<Eigen::Vector2d> before(2, Eigen::Vector2d::Zero());
   const auto unwrapped = [&](Eigen::Vector2d q, std::size_t which, Index row) {
-    for (const Trial& trial : record.trials()) {
-      if (trial.begin == row) {
-        before[which] = q;
-        return q;
+    if (!starts[static_cast<std::size_t>(row)]) {
+      for (Index k = 0; k < 2; ++k) {
+        q[k] = before[which][k] + std::remainder(q[k] - before[which][k], 2.0 * kPi);
       }
-    }
-    for (Index k = 0; k < 2; ++k) {
-      q[k] = before[which][k] + std::remainder(q[k] - before[which][k], 2.0 * kPi);
     }
     before[which] = q;
     return q;

@@ -19,13 +19,13 @@
 #include "base/types.hpp"
 #include "ident/consistency.hpp"
 #include "ident/prepare.hpp"
+#include "impedance/estimate.hpp"
 #include "impedance/split.hpp"
 #include "record/record.hpp"
 
 namespace ulna {
 
 enum class Intrinsic { kSecondOrder, kImpulseResponse };
-enum class ReflexRefit { kAuto, kYes, kNo };
 
 enum ReflexOutcome : std::uint32_t {
   kReflexGood = 0,
@@ -51,7 +51,7 @@ struct ReflexOptions {
   double intrinsic_irf_s = 0.04;  // the two-sided impulse response reaches so far to either side
   double reflex_irf_s = 0.4;      // length of the reflex impulse response; 0: none is made
   double train_s = 0.0;           // as in split_rows
-  ReflexRefit refit = ReflexRefit::kAuto;  // auto: when trials hold several segments
+  Refit refit = Refit::kAuto;     // auto: when trials hold several segments
   double hac_lag_s = 0.4;
   double block_s = 1.0;  // of the test and of the bootstrap of the VAF
   Index draws = 1999;    // sign flips of the test
@@ -76,9 +76,9 @@ enum ReflexParameter {
 struct ReflexFit {
   Vector value;       // kReflexParameterCount
   Matrix covariance;  // of them
-  Matrix interval;    // 2 x count, 95 %; of the delay from its profile, of gain, omega and zeta by
-                      // logarithms where positive
-  Vector powers;      // coefficients of (x - x_mean)^2 ..., torque
+  Matrix
+      interval;   // 2 x count, 95 %; of the delay from its profile, of omega and zeta by logarithms
+  Vector powers;  // coefficients of (x - x_mean)^2 ..., torque
   Vector powers_error;
   double position_mean = 0.0;
   bool converged = false;
@@ -89,7 +89,9 @@ struct ReflexImpulse {
   Vector intrinsic_lag_s, intrinsic, intrinsic_error;  // N m/rad per lag step
   Vector reflex_lag_s, reflex, reflex_error;  // N m/rad: torque per rad of rectified motion
   double vaf = 0.0;                           // held out; NaN where nothing is
-  double penalty = 0.0;  // chosen by cross-validation within the identification part
+  double penalty = 0.0;  // on the reflex response's roughness, by cross-validation
+  Index values = 0;      // of both responses and the static powers
+  double rank = 0.0;     // how many of them the data determine
   bool available = false;
 };
 

@@ -83,11 +83,16 @@ RunOffsets::RunOffsets(const CascadeSample& sample, int drift)
 void RunOffsets::remove(Matrix& columns) const {
   for (std::size_t r = 0; r < sample_->runs.size(); ++r) {
     const Index count = sample_->runs[r].count;
-    const auto q = basis_.middleRows(sample_->bounds.begin[r], count);
-    auto part = columns.middleRows(sample_->bounds.begin[r], count);
-    const Matrix along = q.transpose() * part;
-    part.noalias() -= q * along;
+    Matrix part = columns.middleRows(sample_->bounds.begin[r], count);
+    remove_in_run(r, part);
+    columns.middleRows(sample_->bounds.begin[r], count) = part;
   }
+}
+
+void RunOffsets::remove_in_run(std::size_t run, Matrix& rows_of_run) const {
+  const auto q = basis_.middleRows(sample_->bounds.begin[run], rows_of_run.rows());
+  const Matrix along = q.transpose() * rows_of_run;
+  rows_of_run.noalias() -= q * along;
 }
 
 Vector RunOffsets::removed(Vector column) const {
@@ -134,7 +139,7 @@ std::vector<PastRun> past_columns(const std::vector<CascadeTrial>& trials,
     if (static_cast<double>(run.first - trial.edge) > lasting) continue;
     const Index rows =
         std::min<Index>(trial.torque.size(), static_cast<Index>(std::min(lasting, 1e9)) + 3);
-    PastRun past{sample.bounds.begin[r], Matrix::Zero(run.count, element.order)};
+    PastRun past{r, sample.bounds.begin[r], Matrix::Zero(run.count, element.order)};
     for (int state = 0; state < element.order; ++state) {
       const Matrix free = element_free(element, std::max<Index>(rows, 2), step_s, state);
       for (Index i = 0; i < run.count; ++i) {

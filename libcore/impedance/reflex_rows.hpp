@@ -64,6 +64,7 @@ class RunOffsets {
   RunOffsets(const CascadeSample& sample, int drift);
   void remove(Matrix& columns) const;
   Vector removed(Vector column) const;
+  void remove_in_run(std::size_t run, Matrix& rows_of_run) const;
 
  private:
   const CascadeSample* sample_;
@@ -77,6 +78,7 @@ Vector reflex_column(const std::vector<CascadeTrial>& trials, const CascadeSampl
 // What an unknown past at the start of a trial leaves behind, a column a state; only for runs that
 // begin while it lasts.
 struct PastRun {
+  std::size_t run = 0;
   Index first = 0;  // sample row
   Matrix columns;
 };

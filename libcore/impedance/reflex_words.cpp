@@ -24,11 +24,11 @@ void explain_reflex(ReflexEstimate& e) {
   const bool shown = (e.outcome & kReflexNotSignificant) == 0;
   if ((e.outcome & kReflexDelayAtBound) != 0 && shown) {
     const double delay = e.fit.value[kReflexDelay];
-    e.warnings.push_back(sentence(
-        3, "The delay lies at the end of its range (", 1e3 * delay,
-        " ms): slow or direction-dependent intrinsic torque passes for a reflex. Give the "
-        "intrinsic "
-        "path an impulse response, add powers of the position, or set a physiological range."));
+    e.warnings.push_back(
+        sentence(3, "The delay lies at the end of its range (", 1e3 * delay,
+                 " ms): slow or direction-dependent intrinsic torque passes for a reflex. Give the "
+                 "intrinsic path an impulse response, add powers of the position, or set a "
+                 "physiological range."));
   }
   if ((e.outcome & kReflexDynamicsAtBound) != 0 && shown) {
     e.warnings.push_back(
@@ -49,7 +49,9 @@ void explain_reflex(ReflexEstimate& e) {
   }
   if (e.impulse.available && std::isfinite(e.impulse.vaf)) {
     e.notes.push_back(sentence(4, "With impulse responses for both paths the held-out VAF is ",
-                               e.impulse.vaf, " %."));
+                               e.impulse.vaf, " %; of their ", e.impulse.values,
+                               " values the data determine about ", std::lround(e.impulse.rank),
+                               ", the rest is smoothed."));
   } else if (o.reflex_irf_s > 0.0 && !e.impulse.available) {
     e.notes.push_back("The trials are too short for impulse responses of both paths.");
   }

@@ -2,21 +2,23 @@
 
 #include <Eigen/Cholesky>
 #include <cmath>
-#include <limits>
+#include <vector>
 
 namespace ulna {
 namespace {
 
 constexpr Index kFolds = 5;
+constexpr Index kPenalties = 27;
 
 }  // namespace
 
-Ridge ridge_fit(const Matrix& columns, const Vector& y, const Matrix& shape, double fixed) {
+Ridge ridge_fit(const Matrix& columns, const Vector& y, const Matrix& shape, const Matrix& base,
+                double least) {
   const Index rows = columns.rows();
   const Index p = columns.cols();
   std::vector<Matrix> grams;
   std::vector<Vector> rights;
-  std::vector<double> squares;
+  Vector squares(kFolds);
   Matrix gram = Matrix::Zero(p, p);
   Vector right = Vector::Zero(p);
   for (Index fold = 0; fold < kFolds; ++fold) {
@@ -25,31 +27,44 @@ Ridge ridge_fit(const Matrix& columns, const Vector& y, const Matrix& shape, dou
     const auto part = columns.middleRows(first, count);
     grams.emplace_back(part.transpose() * part);
     rights.emplace_back(part.transpose() * y.segment(first, count));
-    squares.push_back(y.segment(first, count).squaredNorm());
+    squares[fold] = y.segment(first, count).squaredNorm();
     gram += grams.back();
     right += rights.back();
   }
-  Ridge out;
-  out.penalty = fixed;
-  if (fixed < 0.0) {
-    double best = std::numeric_limits<double>::infinity();
-    for (int half = -20; half <= 2; ++half) {
-      const double penalty = std::pow(10.0, 0.5 * half);
-      double missed = 0.0;
-      for (std::size_t fold = 0; fold < grams.size(); ++fold) {
-        const Matrix others =
-            gram - grams[fold] + 0.8 * penalty * static_cast<double>(rows) * shape;
-        const Vector theta = others.ldlt().solve(right - rights[fold]);
-        missed += squares[fold] - 2.0 * theta.dot(rights[fold]) + theta.dot(grams[fold] * theta);
-      }
-      if (std::isfinite(missed) && missed < best) {
-        best = missed;
-        out.penalty = penalty;
-      }
+  const auto penalty_at = [&](Index k) {
+    return least * std::pow(10.0, 0.5 * static_cast<double>(k));
+  };
+  const auto penalised = [&](double penalty) {
+    Matrix out = penalty * shape;
+    if (base.size() > 0) out += base;
+    return Matrix(static_cast<double>(rows) * out);
+  };
+  Matrix missed(kFolds, kPenalties);
+  for (Index k = 0; k < kPenalties; ++k) {
+    const Matrix more = 0.8 * penalised(penalty_at(k));  // four parts of five
+    for (Index fold = 0; fold < kFolds; ++fold) {
+      const auto f = static_cast<std::size_t>(fold);
+      const Vector theta = (gram - grams[f] + more).ldlt().solve(right - rights[f]);
+      const double error = squares[fold] - 2.0 * theta.dot(rights[f]) + theta.dot(grams[f] * theta);
+      missed(fold, k) = std::isfinite(error) ? error : kInfinity;
     }
   }
-  out.information = gram + out.penalty * static_cast<double>(rows) * shape;
-  out.theta = out.information.ldlt().solve(right);
+  Index best = 0;
+  missed.colwise().sum().minCoeff(&best);
+  Index chosen = kPenalties - 1;
+  for (; chosen > best; --chosen) {
+    const Vector worse = missed.col(chosen) - missed.col(best);
+    const double mean = worse.mean();
+    const double error = std::sqrt((worse.array() - mean).square().sum() /
+                                   static_cast<double>(kFolds * (kFolds - 1)));
+    if (mean <= error) break;
+  }
+  Ridge out;
+  out.penalty = penalty_at(chosen);
+  out.information = gram + penalised(out.penalty);
+  const Eigen::LDLT<Matrix> factor(out.information);
+  out.theta = factor.solve(right);
+  out.rank = factor.solve(gram).trace();
   return out;
 }
 

@@ -36,6 +36,14 @@ Matrix bartlett_sum(const Matrix& scores, const Runs& runs, Index lag) {
   return out;
 }
 
+Index lag_rows(const Runs& runs, double seconds, double rate_hz) {
+  Index longest = 1;
+  for (std::size_t run = 0; run + 1 < runs.begin.size(); ++run) {
+    longest = std::max(longest, runs.begin[run + 1] - runs.begin[run]);
+  }
+  return std::min(static_cast<Index>(std::lround(seconds * rate_hz)), longest / 2);
+}
+
 std::vector<std::pair<Index, Index>> score_blocks(const Runs& runs, Index length) {
   std::vector<std::pair<Index, Index>> out;
   for (Index run = 0; run < runs.count(); ++run) {

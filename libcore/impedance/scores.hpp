@@ -23,6 +23,9 @@ struct Runs {
 // 1987); correlation never reaches across runs. Divide by information on both sides.
 Matrix bartlett_sum(const Matrix& scores, const Runs& runs, Index lag);
 
+// Rows of a lag, at most half the longest run.
+Index lag_rows(const Runs& runs, double seconds, double rate_hz);
+
 // Rows [first, second) of about `length` rows within runs, of nearly equal length.
 std::vector<std::pair<Index, Index>> score_blocks(const Runs& runs, Index length);
 

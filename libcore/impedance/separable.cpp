@@ -8,9 +8,9 @@
 namespace ulna {
 namespace {
 
-constexpr double kStep = 1e-3;        // of the scale, for differences
-constexpr double kSmallStep = 1e-7;   // of the scale: nothing moves any more
-constexpr double kSmallGain = 1e-13;  // of the cost
+constexpr double kStep = 1e-3;                            // of the scale, for differences
+constexpr double kSmallStep = 1e-7;                       // of the scale: nothing moves any more
+constexpr double kSmallGain = 1e-13, kCoarseGain = 1e-6;  // of the cost
 constexpr double kLargestDamping = 1e12;
 
 // From the residual already at hand, inwards at the upper bound.
@@ -50,7 +50,7 @@ Matrix residual_jacobian(const BoxProblem& problem, const Vector& at) {
 
 BoxSolution minimise_in_box(const BoxProblem& problem, const Vector& start, Effort effort,
                             int iterations) {
-  const double gain = effort == Effort::kFine ? 1e-13 : 1e-6;
+  const double gain = effort == Effort::kFine ? kSmallGain : kCoarseGain;
   BoxSolution out;
   out.parameters = start.cwiseMax(problem.low).cwiseMin(problem.high);
   Vector residual = problem.residual(out.parameters);

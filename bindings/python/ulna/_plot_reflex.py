@@ -38,7 +38,7 @@ def reflex(
     length_s: float = 4.0,
     trial: int = 0,
 ) -> np.ndarray:
-    """Torque with both paths, their impulse responses, and the delay's profile: six axes.
+    """Torque with both paths, their impulse responses, and the delay's profile: five axes.
 
     `start_s` and `length_s` choose the stretch of the torque; by default the first seconds of the
     held-out data.
@@ -168,7 +168,7 @@ def delay_profile(estimate: Any, ax: Any = None) -> Any:
         ax.set_ylabel("distance from the best\n(standard errors)")
     ax.axvspan(low, high, color=AMBER, alpha=0.35, lw=0)
     ax.axvline(1e3 * estimate.delay_s, color=INK, lw=0.8)
-    ax.set_title(f"Delay {1e3 * estimate.delay_s:.0f} ms ({low:.0f} to {high:.0f})")
+    ax.set_title(f"Delay {1e3 * estimate.delay_s:.0f} ms ({low:.0f}–{high:.0f})")
     ax.set_xlabel("delay (ms)")
     ax.set_xlim(delay[0], delay[-1])
     return ax
@@ -205,7 +205,7 @@ def windows(comparison: Any, axes: Any = None) -> np.ndarray:
         ax.set_title(words[name])
         ax.set_ylabel(comparison.units[name])
     p = comparison.p_value
-    verdict = f"p = {p:.2g} that they agree" if np.isfinite(p) else "too few to test"
+    verdict = f"test that both agree: p = {p:.2g}" if np.isfinite(p) else "too few to test"
     handles, names_of = grid[0, 0].get_legend_handles_labels()
     if axes is None:
         grid[0, 0].figure.legend(
@@ -228,7 +228,7 @@ def joint(impedance: Any, axes: Any = None) -> np.ndarray:
         ("hand's stiffness, J′KJ", elastic, GREEN, "//"),
         ("posture under force, −Γ", -impedance.gamma, AMBER, ""),
     )
-    names = ["shoulder", "shoulder–elbow", "elbow–shoulder", "elbow"]
+    names = ["shoulder", "shoulder–\nelbow", "elbow–\nshoulder", "elbow"]
     place = np.arange(4)
     ax = grid[0, 1]
     positive, negative = np.zeros(4), np.zeros(4)
@@ -273,6 +273,8 @@ def _arm(impedance: Any, ax: Any) -> None:
     size = float(np.hypot(*force))
     if size > 0:
         tip = hand + 0.12 * force / size
+        ax.update_datalim([tip])  # an arrow alone does not count, and is not drawn beyond the axes
+        ax.autoscale_view()
         ax.annotate("", tip, hand, arrowprops={"arrowstyle": "-|>", "color": ORANGE, "lw": 1.6})
         ax.annotate(f"{size:.2g} N", tip, xytext=(3, 3), textcoords="offset points", color=ORANGE)
     degrees = np.degrees(q)

@@ -19,10 +19,10 @@ def _with_interval(value: float, low: float, high: float, *, scale: float = 1.0)
     return f"{words[0]} ({words[1]} to {words[2]})"
 
 
-def _probability(p: float, draws_least: float = 0.0) -> str:
+def _probability(p: float) -> str:
     if not np.isfinite(p):
         return "not tested, too few blocks"
-    return f"p = {p:.2g}" if p > draws_least else f"p < {draws_least:.2g}"
+    return f"p = {p:.2g}"
 
 
 def _ending(estimate: Any) -> list[str]:
@@ -141,13 +141,13 @@ def windows_summary(e: WindowComparison) -> str:
         "  value ± standard error over perturbations",
         "",
     ]
-    for name in ("M", "B", "K"):
-        for part in ("early", "late", "difference"):
-            label = {"early": f"{name} early", "late": f"{name} late", "difference": "  change"}
-            value = e.difference[name] if part == "difference" else getattr(e, part)[name]
-            if name == "M" and part == "difference" and not np.any(value):
-                continue
-            lines += _matrix_rows(label[part], value, e.se(name, part=part), e.units[name])
+    shared = not np.any(e.difference["M"])
+    if shared:
+        lines += _matrix_rows("M", e.early["M"], e.se("M", part="early"), e.units["M"])
+    for name in ("B", "K") if shared else ("M", "B", "K"):
+        for part, value in (("early", e.early), ("late", e.late), ("difference", e.difference)):
+            label = "  change" if part == "difference" else f"{name} {part}"
+            lines += _matrix_rows(label, value[name], e.se(name, part=part), e.units[name])
     lines += [
         "",
         _fact("Do they differ?", _probability(e.p_value)),

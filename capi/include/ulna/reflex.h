@@ -75,7 +75,7 @@ extern "C" {
 
 /** Outcome bit: no delayed feedback is shown. @since 0.1 */
 #define ULNA_DELAYED_NOT_SIGNIFICANT (1)
-/** Outcome bit: the delay lies at the end of its range. @since 0.1 */
+/** Outcome bit: the delay's interval reaches the end of its range. @since 0.1 */
 #define ULNA_DELAYED_AT_BOUND (2)
 /** Outcome bit: the motion hardly tells the immediate from the delayed. @since 0.1 */
 #define ULNA_DELAYED_ILL_CONDITIONED (4)
@@ -179,7 +179,7 @@ typedef struct ulna_reflex_info {
   double vaf_train_without; /* of the best fit without a reflex path on the data of the fit */
   double vaf_train_other;   /* of the other side; NaN when the side was given */
   double vaf_impulse;       /* held out, of both impulse responses */
-  double impulse_penalty;   /* chosen for them by cross-validation */
+  double impulse_penalty;   /* on the roughness of the reflex response, by cross-validation */
   double position_mean;     /* about which powers of the position count */
   double train_s;           /* 0 when the split is by segments */
   int64_t train_rows;       /* samples */

@@ -1,11 +1,13 @@
 // The parts that reflex estimates are made of: causal elements, search in a box, score tests.
 #include <gtest/gtest.h>
 
+#include <Eigen/QR>
 #include <cmath>
 
 #include "base/error.hpp"
 #include "base/random.hpp"
 #include "impedance/causal_element.hpp"
+#include "impedance/profile.hpp"
 #include "impedance/ridge.hpp"
 #include "impedance/scores.hpp"
 #include "impedance/separable.hpp"
@@ -167,6 +169,21 @@ TEST(Scores, PValuesAreUniformWithoutAnEffectAndSmallWithOne) {
   EXPECT_TRUE(std::isnan(score_test({Matrix::Ones(5, 1)}, 199, 1).p_value));
 }
 
+TEST(Profile, TheRangeHoldsEveryMinimumThatIsNotWorse) {
+  const Vector at = Vector::LinSpaced(9, 0.0, 8.0);
+  Vector distance(9);
+  distance << 6, 4, 2, 0, 2, 4, 3, 1, 5;  // a second minimum at 7
+  const Eigen::Vector2d one = likely_range(at, distance, 0.5);
+  EXPECT_DOUBLE_EQ(one[0], 2.75);
+  EXPECT_DOUBLE_EQ(one[1], 3.25);
+  const Eigen::Vector2d both = likely_range(at, distance, 3.0);
+  EXPECT_DOUBLE_EQ(both[0], 1.5);
+  EXPECT_DOUBLE_EQ(both[1], 7.5);
+  const Eigen::Vector2d open = likely_range(at, distance, 10.0);
+  EXPECT_DOUBLE_EQ(open[0], 0.0);
+  EXPECT_DOUBLE_EQ(open[1], 8.0);
+}
+
 TEST(Ridge, PenaltyGrowsWithNoiseAndKeepsWhatIsExact) {
   Random random(3);
   constexpr Index kRows = 400;
@@ -187,10 +204,15 @@ TEST(Ridge, PenaltyGrowsWithNoiseAndKeepsWhatIsExact) {
   for (Index i = 0; i < kRows; ++i) noisy[i] += 3.0 * random.normal();
   const Ridge exact = ridge_fit(columns, clean, roughness(kLags));
   const Ridge smooth = ridge_fit(columns, noisy, roughness(kLags));
-  const Ridge free = ridge_fit(columns, noisy, roughness(kLags), 0.0);
+  const Vector free = columns.householderQr().solve(noisy);
   EXPECT_LT((exact.theta - h).norm(), 1e-3 * h.norm());
   EXPECT_GT(smooth.penalty, exact.penalty);
-  EXPECT_LT((smooth.theta - h).norm(), 0.5 * (free.theta - h).norm());
+  EXPECT_LT(smooth.rank, 0.5 * kLags);
+  EXPECT_NEAR(exact.rank, kLags, 1.0);
+  // A base that is large holds the response down, whatever the penalty.
+  const Ridge held = ridge_fit(columns, clean, roughness(kLags), 1e9 * ridge_shape(columns));
+  EXPECT_LT(held.theta.norm(), 1e-6 * h.norm());
+  EXPECT_LT((smooth.theta - h).norm(), 0.5 * (free - h).norm());
 }
 
 }  // namespace
