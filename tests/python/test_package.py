@@ -135,7 +135,10 @@ def test_optional_packages_are_imported_where_they_are_used():
     code = "import sys\n"
     code += "".join(
         f"sys.modules[{name!r}] = None\n"
-        for name in ("scipy", "h5py", "matplotlib", "tqdm", "pandas")
+        for name in (
+            "scipy", "h5py", "matplotlib", "tqdm", "pandas", "distributed", "cloudpickle", "pyarrow",
+            "SALib",
+        )  # fmt: skip
     )
     code += "import importlib\n"
     code += "".join(f"importlib.import_module({m!r})\n" for m in MODULES)

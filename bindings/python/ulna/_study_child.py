@@ -1,7 +1,8 @@
 """Runs a model in a process of its own, so that what kills it costs one run.
 
-A slot (a thread of a worker) keeps one child. The child gets the function once and then rows; it
-answers row by row, so the row it did not answer is the one to blame.
+A slot (a thread of a worker) keeps one child. The child gets the function once and loads it; a fork
+of it gets the rows and answers row by row, so the row it did not answer is the one to blame. When it
+dies, the next fork costs milliseconds: nothing is imported again.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from ._study_indices import STATUSES
 _START_S = 120.0  # to import the model
 _CRASHED, _TIMEOUT = STATUSES.index("crashed"), STATUSES.index("timeout")
 _SIZE = struct.Struct("<Q")
+_DONE = 113  # exit status of a child that nobody asks any more
 
 
 class Abandoned(Exception):  # noqa: N818 - the study ended meanwhile, nobody waits for the rows
@@ -73,7 +75,7 @@ def run_task(job: Job, rows: Sequence[int], points: Sequence[Sequence[float]]) -
             _calls.clear()
             _see(job.path)
             _calls[job.digest] = pickle.loads(job.data)  # noqa: S301 - our own
-        return _answer(_calls[job.digest], rows, points)
+        return _answer_again(job, _calls[job.digest], rows, points)
     child = getattr(_slots, "child", None)
     if child is None or child.job.digest != job.digest or child.job.path != job.path:
         if child is not None:
@@ -81,6 +83,24 @@ def run_task(job: Job, rows: Sequence[int], points: Sequence[Sequence[float]]) -
         child = _slots.child = Child(job)
     child.job = job
     return child.run(list(rows), [list(point) for point in points])
+
+
+def _answer_again(
+    job: Job, call: Call, rows: Sequence[int], points: Sequence[Sequence[float]]
+) -> list[Outcome]:
+    """A model may itself say that a run crashed or took too long: those are tried again."""
+    if call.vectorized:
+        return _answer(call, rows, points)
+    out = []
+    for row, point in zip(rows, points, strict=True):
+        for _ in range(1 + job.retries):
+            if job.study in _abandoned:
+                raise Abandoned
+            (outcome,) = _answer(call, [row], [point])
+            if outcome.status not in (_CRASHED, _TIMEOUT):
+                break
+        out.append(outcome)
+    return out
 
 
 def _answer(call: Call, rows: Sequence[int], points: Sequence[Sequence[float]]) -> list[Outcome]:
@@ -125,8 +145,7 @@ class Child:
             self._ready()
             self._send([(rows[i], points[i]) for i in waiting])
             for place, i in enumerate(waiting):
-                outcome = self._outcome()
-                lost = outcome.status in (_CRASHED, _TIMEOUT) and self.process is None
+                outcome, lost = self._outcome()
                 again = lost and tries[i] < self.job.retries
                 tries[i] += 1
                 if not again:
@@ -142,11 +161,11 @@ class Child:
         """Of an array nobody knows which element killed it: halves are tried, then their halves."""
         self._ready()
         self._send((rows, points))
-        answer = self._outcome(len(rows))
-        if isinstance(answer, list):
+        answer, lost = self._outcome(len(rows))
+        if not lost:
+            if isinstance(answer, Outcome):
+                raise answer.error or wrong("the function failed")
             return answer
-        if answer.error is not None:
-            raise answer.error
         if len(rows) == 1:
             return self._arrays(rows, points, tries + 1) if tries < self.job.retries else [answer]
         half = len(rows) // 2
@@ -184,22 +203,25 @@ class Child:
             why = answer or f"its process {_fate(code_)}"
             raise wrong(f"the function cannot be made in a child process: {why}")
 
-    def _outcome(self, rows: int = 1) -> Any:
+    def _outcome(self, rows: int = 1) -> tuple[Any, bool]:
+        """The next answer, and whether its run killed or stalled the child."""
         start = time.perf_counter()
         limit = self.job.timeout_s
         answer = self._read(None if limit is None else limit * rows)
-        if answer is not None and answer != "late":
-            return answer
-        if answer == "late":
+        if isinstance(answer, int):  # the fork's end, told by the child
+            status, words = _CRASHED, f"the process of the run {_fate(answer)}"
+        elif answer == "late":
             status, words = _TIMEOUT, f"took longer than {limit:g} s"
             self.kill()
             self._stop()
-        else:
+        elif answer is None:
             status, words = _CRASHED, f"the process of the run {_fate(self._stop())}"
+        else:
+            return answer, False
         if self.job.study in _abandoned:
             raise Abandoned
         wall = time.perf_counter() - start
-        return Outcome(status, wall, [float("nan")] * self.job.outputs, words)
+        return Outcome(status, wall, [float("nan")] * self.job.outputs, words), True
 
     def _send(self, message: Any) -> None:
         data = pickle.dumps(message)
@@ -276,13 +298,10 @@ def _see(path: Sequence[str]) -> None:
 def serve(there: int, back: int) -> None:
     """Answer rows until nobody asks any more."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the study's; it ends its children
-    source = os.fdopen(there, "rb")
 
     def read() -> Any:
-        head = source.read(_SIZE.size)
-        if len(head) < _SIZE.size:
-            os._exit(0)
-        return pickle.loads(source.read(_SIZE.unpack(head)[0]))  # noqa: S301 - of our own parent
+        head = _take(there, _SIZE.size)
+        return pickle.loads(_take(there, _SIZE.unpack(head)[0]))  # noqa: S301 - of our own parent
 
     def say(message: Any) -> None:
         data = pickle.dumps(message)
@@ -293,10 +312,24 @@ def serve(there: int, back: int) -> None:
     try:
         _see(path)
         call: Call = pickle.loads(data)  # noqa: S301
+        if prepare := getattr(call.function, "prepare", None):
+            prepare()
     except BaseException as failure:  # noqa: BLE001 - told to the parent
         say(f"{type(failure).__name__}: {failure}")
         return
     say("ready")
+    # Threads that the import started would be missing in a fork.
+    while threading.active_count() == 1:
+        me = os.getpid()
+        fork = os.fork()
+        if fork == 0:
+            _die_with(me)
+            break
+        status = os.waitstatus_to_exitcode(os.waitpid(fork, 0)[1])
+        if status == -signal.SIGKILL or status == _DONE:
+            # Killed from outside, perhaps amid a word: the pipe is not to be trusted any more.
+            os.kill(me, signal.SIGKILL) if status != _DONE else os._exit(0)
+        say(status)
     while True:
         message = read()
         if call.vectorized:
@@ -309,6 +342,17 @@ def serve(there: int, back: int) -> None:
             continue
         for row, point in message:
             say(_sendable(call.one(row, point)))
+
+
+def _take(pipe: int, size: int) -> bytes:
+    """So many bytes; the process ends when nobody writes any more."""
+    data = b""
+    while len(data) < size:
+        part = os.read(pipe, size - len(data))
+        if not part:
+            os._exit(_DONE)
+        data += part
+    return data
 
 
 def _die_with(parent: int) -> None:

@@ -83,7 +83,9 @@ def plan_of(
         else hashlib.sha256(np.ascontiguousarray(points, dtype=float).tobytes()).hexdigest(),
         "outputs": list(outputs),
         "vectorized": bool(vectorized),
-        "function": getattr(function, "__qualname__", type(function).__name__),
+        "function": getattr(
+            function, "plan_name", getattr(function, "__qualname__", type(function).__name__)
+        ),
         "source": digest,
     }
 

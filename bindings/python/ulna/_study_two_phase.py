@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +11,7 @@ import numpy as np
 from .record import refuse
 
 if TYPE_CHECKING:
+    from ._study_design import StudyDesign
     from ._study_indices import Screening, SobolIndices
     from .study import Runs, Study
 
@@ -24,6 +24,12 @@ class Fixed:
 
     function: Callable[..., Any]
     fixed: Mapping[str, float]
+
+    def prepare(self) -> None:
+        """Load the function before the first run, where that is something to do."""
+        prepare = getattr(self.function, "prepare", None)
+        if prepare is not None:
+            prepare()
 
     def __call__(self, **named: Any) -> Any:
         if named and all(isinstance(value, np.ndarray) for value in named.values()):
@@ -136,18 +142,16 @@ def two_phase(
     keep: Sequence[str],
     values: Mapping[str, float] | None,
     on_failure: str,
-    journal: Any,
     screening: Mapping[str, Any] | None,
     ranking: Mapping[str, Any] | None,
-    **running: Any,
+    execute: Callable[[Study, StudyDesign, str], Runs],
 ) -> TwoPhase:
-    """Both phases; see `Study.two_phase`."""
+    """Both phases; see `Study.two_phase`. `execute` runs a design, of the phase of this name."""
     if isinstance(keep, str) or set(keep) - set(study.factors):
         raise refuse("keep must be names of factors", "keep")
     values = dict(values or {})
     if set(values) - set(study.factors):
         raise refuse(f"there is no factor {min(set(values) - set(study.factors))!r}", "values")
-    folder = None if journal is None else Path(journal)
     first = dict(screening or {})
     chosen = {
         k: first.pop(k) for k in ("scheme", "sampler", "guard", "levels", "replicates") if k in first
@@ -155,12 +159,7 @@ def two_phase(
     design = study.design(
         **{"scheme": "radial", "sampler": "latin", "n": r, "seed": seed, **chosen}
     )
-    runs = study.run(
-        design,
-        on_failure=on_failure,
-        journal=None if folder is None else folder / "screen",
-        **running,
-    )
+    runs = execute(study, design, "screen")
     screened = {
         name: runs.screen(output=name, on_failure=on_failure, seed=seed, **first)
         for name in study.outputs
@@ -176,12 +175,7 @@ def two_phase(
     design = rest.design(
         **{"scheme": "saltelli", "sampler": "sobol", "n": n, "seed": seed, **chosen}
     )
-    ranked_runs = rest.run(
-        design,
-        on_failure=on_failure,
-        journal=None if folder is None else folder / "rank",
-        **running,
-    )
+    ranked_runs = execute(rest, design, "rank")
     ranked = {
         name: ranked_runs.sobol(output=name, on_failure=on_failure, seed=seed, **second)
         for name in study.outputs

@@ -134,6 +134,7 @@ _COMMAND_MODULES: tuple[str, ...] = (
     "_command_passivity",
     "_command_rig",
     "_command_validate",
+    "_command_study",
 )
 
 

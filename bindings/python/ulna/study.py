@@ -17,6 +17,7 @@ import os
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -41,6 +42,7 @@ from ._study_indices import (
     SobolIndices,
     analyse,
 )
+from ._study_export import export, salib_files
 from ._study_journal import StudyJournal, plan_of
 from ._study_call import Call, RunFailed
 from ._study_progress import Meter, StudyProgress
@@ -319,6 +321,23 @@ class Runs:
             rows = np.sort(np.concatenate([rows, rows + self.design.block_rows - 1]))
         return rows
 
+    def export(self, path: str | os.PathLike[str]) -> Path:
+        """Write the runs as a table: .csv, .h5, .nc (NetCDF 3) or .parquet.
+
+        Columns: row, block, factors, outputs, status (its name), wall_s, message. A name that is
+        taken gets an underscore.
+        """
+        return export(self, path)
+
+    def to_salib(self, folder: str | os.PathLike[str] | None = None) -> tuple[Any, Any, Any]:
+        """SALib's ``problem``, ``X`` and ``Y``; written too when a folder is named.
+
+        The files are problem.json, X.txt, Y.txt, and params.csv where SALib's command can read it.
+        """
+        if folder is not None:
+            salib_files(self, folder)
+        return problem_of(self.design.factors, self.design.groups), self.design.values(), self.y
+
     def plot_density(self, ax: Any = None, *, output: str | None = None) -> Any:
         """Distribution of an output over the factors (needs matplotlib)."""
         from . import plot
@@ -588,6 +607,12 @@ class Study:
         **running
             As of `run`: executor, workers, isolate, timeout_s, retries, progress, ...
         """
+        folder = None if journal is None else Path(journal)
+
+        def execute(study: Study, design: StudyDesign, phase: str) -> Runs:
+            kept = None if folder is None else folder / phase
+            return study.run(design, on_failure=on_failure, journal=kept, **running)
+
         return two_phase(
             self,
             r=r,
@@ -597,10 +622,9 @@ class Study:
             keep=keep,
             values=values,
             on_failure=on_failure,
-            journal=journal,
             screening=screening,
             ranking=ranking,
-            **running,
+            execute=execute,
         )
 
     def _call(self, design: StudyDesign) -> Call:
