@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -301,6 +302,15 @@ def test_wrong_commands_are_refused(elbow, capsys):
     # A changed model is another plan: its results are not mixed with the old ones.
     (elbow.parent / "elbow.py").write_text(MODEL + "\n# better\n")
     assert "another plan" in refused(capsys, "run", elbow, "--quiet")
+
+
+def test_the_file_of_the_documentation_is_right(elbow, capsys):
+    page = Path(__file__).resolve().parents[2] / "docs" / "command-line.md"
+    (text,) = re.findall(r"^```toml\n(.*?)^```", page.read_text(encoding="utf-8"), re.M | re.S)
+    (elbow.parent / "elbow.py").write_text("def torque(k, speed): return k, speed")
+    elbow.write_text(text)
+    out, _ = call(capsys, "plan", elbow)
+    assert "screen: 192 runs" in out and "rank: at most 4096 runs" in out
 
 
 def test_help_shows_an_example():

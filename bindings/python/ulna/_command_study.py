@@ -49,6 +49,7 @@ def add_to(commands: Any) -> None:
     run.add_argument("--no-figures", action="store_true", help="tables alone")
     run.add_argument("--quiet", action="store_true", help="no lines about the progress")
     run.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
+    run.epilog = (run.epilog or "") + "\n  5  runs are missing: of other shards, or the time was up"
     run.set_defaults(run=_run)
 
     analyse = add_command(
