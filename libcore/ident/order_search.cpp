@@ -12,7 +12,12 @@ namespace {
 
 // Standard errors by which another model must be worse to be left out. One would be too few: the
 // least error is picked among many, and of models that hold the truth one is best by chance.
-constexpr double kSignificant = 2.0;
+constexpr double kWorse = 2.0;
+
+// On the rows that the models were estimated from, superfluous coefficients take about chi-squared
+// from the sum of squares, which is sqrt(chi-squared) / 2 standard errors: two for the best of some
+// dozens of models.
+constexpr double kWorseInside = 3.0;
 
 // Percent accounted for, above which what is left is rounding and compares with nothing.
 constexpr double kExact = 100.0 - 1e-9;
@@ -38,10 +43,9 @@ double held_out_error(const OrderCandidate& c) {
   return count > 0 ? sum / static_cast<double>(count) : kInfinity;
 }
 
-// Whether the mean difference of squared errors is within two standard errors of it, which come
-// from blocks of rows. A superfluous coefficient takes about chi-squared from the sum of squares on
-// the rows that it was estimated from; that is one standard error at 4, and two at 16.
-bool as_good_as(const Vector& worse, const Vector& best) {
+// Whether the mean difference of squared errors is within `limit` standard errors of it, which come
+// from blocks of rows.
+bool as_good_as(const Vector& worse, const Vector& best, double limit) {
   std::vector<double> rows;
   for (Index k = 0; k < best.size(); ++k) {
     const double a = worse[k];
@@ -62,7 +66,7 @@ bool as_good_as(const Vector& worse, const Vector& best) {
   const double n = static_cast<double>(blocks);
   const double mean = means.mean();
   const double variance = (means.array() - mean).square().sum() / std::max(1.0, n - 1.0);
-  return mean <= kSignificant * std::sqrt(variance / n);
+  return mean <= limit * std::sqrt(variance / n);
 }
 
 double value_of(const OrderCandidate& c, OrderCriterion criterion) {
@@ -109,9 +113,9 @@ void recommend(OrderSearch& search, OrderCriterion criterion) {
   }
   for (std::size_t i = 0; i < all.size(); ++i) {
     if (!usable(all[i])) continue;
-    const bool near =
-        all[i].fit.vaf > kExact || as_good_as(all[i].fit.output_error, closest->fit.output_error);
-    if (criterion == OrderCriterion::kYic && !near) continue;
+    const bool near = criterion != OrderCriterion::kYic || all[i].fit.vaf > kExact ||
+                      as_good_as(all[i].fit.output_error, closest->fit.output_error, kWorseInside);
+    if (!near) continue;
     search.recommended = static_cast<Index>(i);
     break;
   }
@@ -126,7 +130,7 @@ void recommend(OrderSearch& search, OrderCriterion criterion) {
     search.reason =
         sentence(6, name_of(best), ": the least ", word_of(criterion),
                  criterion == OrderCriterion::kYic
-                     ? " among the models whose error is within two standard errors of the least"
+                     ? " among the models whose error is within three standard errors of the least"
                      : " of the models that converged to a stable, determined estimate");
     return;
   }
@@ -135,7 +139,7 @@ void recommend(OrderSearch& search, OrderCriterion criterion) {
     if (!usable(all[i]) || size_of(all[i]) >= size_of(all[chosen])) continue;
     // Sorted: the better one of a size comes first.
     if (all[i].fit.vaf_held_out > kExact ||
-        as_good_as(all[i].fit.validation_error, best.fit.validation_error)) {
+        as_good_as(all[i].fit.validation_error, best.fit.validation_error, kWorse)) {
       chosen = i;
     }
   }

@@ -14,7 +14,7 @@ enum class OrderCriterion {
   kHeldOut,
   kBic,   // Bayesian information criterion (Schwarz 1978)
   kAicc,  // Akaike's, corrected for few rows (Hurvich and Tsai 1989)
-  // Young's information criterion (1989) among those whose error is as close to the least.
+  // Young's information criterion (1989) among those with an error within three of the least.
   kYic,
 };
 

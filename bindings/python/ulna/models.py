@@ -636,7 +636,7 @@ def select_order(
     criterion : {"held-out", "bic", "aicc", "yic"}
         "held-out": the fewest coefficients whose held-out error is within two standard errors of
         the least, which needs no assumption on the noise. "bic", "aicc": information criteria,
-        which take the noise as white. "yic": Young's, among models whose error is within two
+        which take the noise as white. "yic": Young's, among models whose error is within three
         standard errors of the least.
     held_out : float
         Share of each run, its end, that validates.
