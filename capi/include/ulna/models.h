@@ -64,8 +64,8 @@ extern "C" {
 #define ULNA_ORDER_BIC (1)
 /** Least corrected Akaike information criterion. @since 0.1 */
 #define ULNA_ORDER_AICC (2)
-/** Least Young information criterion among the models whose error is within three standard errors of
- * the least. @since 0.1 */
+/** Least Young information criterion among the models whose error is within three standard errors
+ * of the least. @since 0.1 */
 #define ULNA_ORDER_YIC (3)
 
 /** An identified model; immutable.
