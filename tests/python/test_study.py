@@ -466,7 +466,7 @@ COUNTED = """
 import os, sys, time
 import ulna
 
-log, folder, slow = sys.argv[1], sys.argv[2], float(sys.argv[3])
+log, folder, slow, workers = sys.argv[1], sys.argv[2], float(sys.argv[3]), int(sys.argv[4])
 
 def model(a, b):
     with open(log, "a") as calls:
@@ -475,7 +475,7 @@ def model(a, b):
     return a * a + 0.1 * b
 
 study = ulna.Study({"a": ulna.Uniform(0, 1), "b": ulna.Normal(0, 1)}, model)
-result = study.sobol(n=64, seed=3, resamples=100, journal=folder)
+result = study.sobol(n=64, seed=3, resamples=100, journal=folder, workers=workers)
 print(result.first.tobytes().hex(), result.intervals["total"].tobytes().hex())
 """
 ROWS = 64 * 4
@@ -487,11 +487,12 @@ def _script(tmp_path):
     return path
 
 
-def _kill_often(tmp_path, kills, slow):
+def _kill_often(tmp_path, kills, slow, workers):
     """Kills a study again and again; returns the calls of its model and what it printed at last."""
     script, log = _script(tmp_path), tmp_path / "calls.txt"
     rng = np.random.default_rng(5)
     command = [sys.executable, str(script), str(log), str(tmp_path / "study"), str(slow)]
+    command.append(str(workers))
     killed = 0
     log.touch()
     for _ in range(kills):
@@ -507,15 +508,15 @@ def _kill_often(tmp_path, kills, slow):
     return log.read_text().splitlines(), last.stdout, killed
 
 
-def _check_kills(tmp_path, kills, slow):
-    calls, printed, killed = _kill_often(tmp_path, kills, slow)
+def _check_kills(tmp_path, kills, slow, workers=1):
+    calls, printed, killed = _kill_often(tmp_path, kills, slow, workers)
     assert killed >= kills - 1
-    # Nothing lost, nothing that was done is run again: only the one run under way at each kill.
+    # Nothing lost, nothing that was done is run again: only the runs under way at each kill.
     assert len(set(calls)) == ROWS
-    assert ROWS <= len(calls) <= ROWS + killed
+    assert ROWS <= len(calls) <= ROWS + killed * workers
     undisturbed = subprocess.run(
         [sys.executable, str(tmp_path / "model.py"), str(tmp_path / "other.txt"),
-         str(tmp_path / "undisturbed"), "0"],
+         str(tmp_path / "undisturbed"), "0", "1"],
         capture_output=True, text=True, check=True,
     ).stdout  # fmt: skip
     assert printed == undisturbed
@@ -526,8 +527,9 @@ def test_a_killed_study_goes_on_where_it_stopped(tmp_path):
 
 
 @pytest.mark.slow
-def test_twenty_kills(tmp_path):
-    _check_kills(tmp_path, 20, 0.01)
+@pytest.mark.parametrize("workers", [1, 2])
+def test_twenty_kills(tmp_path, workers):
+    _check_kills(tmp_path, 20, 0.01, workers)
 
 
 def square(a):

@@ -19,7 +19,7 @@ import threading
 import time
 import traceback
 import weakref
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,6 +30,7 @@ from ._study_call import Call, Outcome, wrong
 from ._study_indices import STATUSES
 
 _START_S = 120.0  # to import the model
+_SHORT_S = 0.002  # runs that are sent several at once
 _CRASHED, _TIMEOUT = STATUSES.index("crashed"), STATUSES.index("timeout")
 _SIZE = struct.Struct("<Q")
 _DONE = 113  # exit status of a child that nobody asks any more
@@ -54,10 +55,15 @@ class Job:
     path: tuple[str, ...]
 
 
+Keeper = Callable[[int, Outcome], None]
+
 _slots = threading.local()
 _children: weakref.WeakSet[Child] = weakref.WeakSet()
 _abandoned: set[str] = set()
 _calls: dict[str, Call] = {}
+# Of studies whose workers are threads of this process (by its id, which a fork has not): keeps each
+# outcome at once, so that killing the study loses only the runs under way.
+_keepers: dict[tuple[int, str], Keeper] = {}
 
 
 def abandon(study: str) -> None:
@@ -66,6 +72,23 @@ def abandon(study: str) -> None:
     for child in list(_children):
         if child.study == study:
             child.kill()
+
+
+@contextlib.contextmanager
+def kept_at_once(study: str, keep: Keeper) -> Iterator[None]:
+    """Outcomes of a study's rows that threads of this process run go to `keep`."""
+    _keepers[os.getpid(), study] = keep
+    try:
+        yield
+    finally:
+        del _keepers[os.getpid(), study]
+
+
+def _keep(study: str, rows: Sequence[int], outcomes: Sequence[Outcome]) -> None:
+    keep = _keepers.get((os.getpid(), study))
+    if keep is not None:
+        for row, outcome in zip(rows, outcomes, strict=True):
+            keep(row, outcome)
 
 
 def run_task(job: Job, rows: Sequence[int], points: Sequence[Sequence[float]]) -> list[Outcome]:
@@ -82,7 +105,12 @@ def run_task(job: Job, rows: Sequence[int], points: Sequence[Sequence[float]]) -
             child.kill()
         child = _slots.child = Child(job)
     child.job = job
-    return child.run(list(rows), [list(point) for point in points])
+    try:
+        return child.run(list(rows), [list(point) for point in points])
+    except BaseException:
+        child.kill()  # it may have answers that nobody read
+        child._stop()
+        raise
 
 
 def _answer_again(
@@ -90,7 +118,9 @@ def _answer_again(
 ) -> list[Outcome]:
     """A model may itself say that a run crashed or took too long: those are tried again."""
     if call.vectorized:
-        return _answer(call, rows, points)
+        out = _answer(call, rows, points)
+        _keep(job.study, rows, out)
+        return out
     out = []
     for row, point in zip(rows, points, strict=True):
         for _ in range(1 + job.retries):
@@ -99,6 +129,7 @@ def _answer_again(
             (outcome,) = _answer(call, [row], [point])
             if outcome.status not in (_CRASHED, _TIMEOUT):
                 break
+        _keep(job.study, [row], [outcome])
         out.append(outcome)
     return out
 
@@ -127,6 +158,7 @@ class Child:
     def __init__(self, job: Job) -> None:
         self.job = job
         self.process: subprocess.Popen[bytes] | None = None
+        self.pace_s = float("inf")
         _children.add(self)
 
     @property
@@ -143,18 +175,23 @@ class Child:
         waiting = list(tries)
         while waiting:
             self._ready()
-            self._send([(rows[i], points[i]) for i in waiting])
-            for place, i in enumerate(waiting):
+            # One row after the other, so that a study that is killed has begun no other; several at
+            # once only when they are so short that the way to the child would matter.
+            batch = waiting[: 64 if self.pace_s < _SHORT_S else 1]
+            rest = waiting[len(batch) :]
+            self._send([(rows[i], points[i]) for i in batch])
+            for place, i in enumerate(batch):
                 outcome, lost = self._outcome()
+                self.pace_s = outcome.wall_s
                 again = lost and tries[i] < self.job.retries
                 tries[i] += 1
                 if not again:
                     out[i] = outcome
+                    _keep(self.job.study, [rows[i]], [outcome])
                 if lost:
-                    waiting = waiting[place + 1 :] + [i] * again
+                    rest = batch[place + 1 :] + rest + [i] * again
                     break
-            else:
-                waiting = []
+            waiting = rest
         return [out[i] for i in range(len(rows))]
 
     def _arrays(self, rows: list[int], points: list[list[float]], tries: int = 0) -> list[Outcome]:
@@ -165,9 +202,13 @@ class Child:
         if not lost:
             if isinstance(answer, Outcome):
                 raise answer.error or wrong("the function failed")
+            _keep(self.job.study, rows, answer)
             return answer
         if len(rows) == 1:
-            return self._arrays(rows, points, tries + 1) if tries < self.job.retries else [answer]
+            if tries < self.job.retries:
+                return self._arrays(rows, points, tries + 1)
+            _keep(self.job.study, rows, [answer])
+            return [answer]
         half = len(rows) // 2
         return self._arrays(rows[:half], points[:half]) + self._arrays(rows[half:], points[half:])
 
@@ -305,7 +346,10 @@ def serve(there: int, back: int) -> None:
 
     def say(message: Any) -> None:
         data = pickle.dumps(message)
-        _write(back, _SIZE.pack(len(data)) + data)
+        try:
+            _write(back, _SIZE.pack(len(data)) + data)
+        except BrokenPipeError:
+            os._exit(_DONE)  # nobody asks any more
 
     data, path, parent = read()
     _die_with(parent)

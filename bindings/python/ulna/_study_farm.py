@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
+import threading
 import uuid
 from collections import Counter, deque
 from collections.abc import Iterator
@@ -15,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ._study_call import Outcome, pack, wrong
-from ._study_child import Job, abandon, infrastructure, run_task
+from ._study_child import Job, abandon, infrastructure, kept_at_once, run_task
 from ._study_indices import STATUSES
 from ._study_run import Runner
 from .record import refuse
@@ -25,14 +26,14 @@ _LOST_WORKERS = 5  # that a row survives before it is blamed
 
 
 @contextlib.contextmanager
-def executor_of(given: Any, workers: int) -> Iterator[tuple[Executor, int, bool]]:
-    """The executor, its slots, and whether its threads are ours."""
+def executor_of(given: Any, workers: int) -> Iterator[tuple[Executor, int]]:
+    """The executor and its slots."""
     if given is None:
         with ThreadPoolExecutor(workers) as pool:
-            yield pool, workers, True
+            yield pool, workers
         return
     if isinstance(given, Executor):
-        yield given, workers if workers > 1 else _slots(given), False
+        yield given, workers if workers > 1 else _slots(given)
         return
     # A Dask client makes an executor itself; no retries of its own, a lost row is asked for again.
     make = getattr(given, "get_executor", None)
@@ -43,7 +44,7 @@ def executor_of(given: Any, workers: int) -> Iterator[tuple[Executor, int, bool]
         )
     pool = make(pure=False, retries=0)
     try:
-        yield pool, workers if workers > 1 else max(1, sum(given.nthreads().values())), False
+        yield pool, workers if workers > 1 else max(1, sum(given.nthreads().values()))
     finally:
         pool.shutdown(wait=False)
 
@@ -90,13 +91,19 @@ class Farm:
         self.wall_s = 0.0
         self.known = 0
         self.again: deque[np.ndarray] = deque()
+        self.lock = threading.Lock()
+        self.at_once = False
 
     def run(self, given: Any, workers: int) -> None:
         """All rows that have no result yet."""
         rows = self.runner.wanted()
         at = 0
         running: dict[Future[list[Outcome]], np.ndarray] = {}
-        with executor_of(given, workers) as (executor, slots, ours):
+        with contextlib.ExitStack() as stack:
+            executor, slots = stack.enter_context(executor_of(given, workers))
+            self.at_once = isinstance(executor, ThreadPoolExecutor)
+            if self.at_once:
+                stack.enter_context(kept_at_once(self.job.study, self._keep))
             try:
                 while True:
                     # Two tasks a slot: none waits for its next one.
@@ -156,6 +163,11 @@ class Farm:
         for row, outcome in zip(rows.tolist(), outcomes, strict=True):
             self.wall_s += outcome.wall_s
             self.known += 1
+            if not self.at_once:
+                self.runner.take(row, outcome)
+
+    def _keep(self, row: int, outcome: Outcome) -> None:
+        with self.lock:
             self.runner.take(row, outcome)
 
     def _worker_lost(self, rows: np.ndarray, failure: Exception) -> None:
