@@ -263,16 +263,16 @@ def test_a_process_pool(fragile):
 
 
 class LosesWorkers(concurrent.futures.ThreadPoolExecutor):
-    """Every task with row 3 or every third task is lost, as when a cluster's worker dies."""
+    """Tasks with row 3 are always lost, every third other row's once, as when a worker dies."""
 
     class KilledWorker(Exception):  # the name that Dask gives it
         pass
 
-    count = 0
-
     def submit(self, function, job, rows, points):
-        self.count += 1
-        if 3 in rows or self.count % 3 == 0:
+        seen = self.__dict__.setdefault("seen", set())
+        fresh = {row for row in rows if row % 3 == 1} - seen
+        seen |= fresh
+        if 3 in rows or fresh:
             future = concurrent.futures.Future()
             future.set_exception(self.KilledWorker("gone"))
             return future
