@@ -30,7 +30,7 @@ test: configure  ## set up, build, and run every test
 	@$(PYTHON) tests/run.py build
 
 study: .venv/installed  ## run the longer studies, which `make test` leaves out
-	@$(PYTHON) -m pytest -q -m slow -n $(JOBS) --dist loadfile
+	@$(PYTHON) -m pytest -q -m slow -n $(JOBS)
 
 bench: .venv/installed  ## measure speed, beside plain NumPy and SciPy
 	@cmake -S . -B build-bench -G Ninja -DULNA_BUILD_BENCH=ON -DULNA_BUILD_TESTS=OFF \

@@ -8,6 +8,7 @@
 #include "guard.hpp"
 #include "handles.hpp"
 #include "ident.hpp"
+#include "signal/excitation.hpp"
 
 using namespace ulna;
 using namespace ulna::capi;
@@ -23,6 +24,7 @@ ArmModel arm_of(const ulna_design_arm* given) {
   out.m = map_view(o.m, "M");
   out.b = map_view(o.b, "B");
   out.k = map_view(o.k, "K");
+  check_axes(out.m.rows());
   out.x0 = Vector::Zero(out.m.rows());
   if (o.x0 != nullptr) {
     const StridedMap x0 = map_view(o.x0, "x0");

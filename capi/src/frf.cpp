@@ -104,6 +104,8 @@ ulna_status ulna_frf_closed_loop(const ulna_view* references, const ulna_view* i
     const Index rows = c.signals.rows();
     const Index segment =
         r.options.segment == 0 ? std::min(kDefaultSegment, rows) : r.options.segment;
+    require(segment >= 2 && segment <= rows, "segment",
+            "a segment must have at least 2 samples and fit into the record");
     const auto pairs = static_cast<int64_t>(c.groups[1].size() * c.groups[2].size());
     if (only_count((segment / 2 + 1) * (1 + 3 * pairs), out, capacity, out_count)) return;
     const Spectra spectra = welch(c.signals, rate_hz, segment, r.ranges, token_of(token));
@@ -120,7 +122,7 @@ ulna_status ulna_frf_periodic(const ulna_view* inputs, const ulna_view* outputs,
     const Request r = request_of(options);
     const Matrix u = map_view(inputs, "inputs");
     const Matrix y = map_view(outputs, "outputs");
-    require(r.options.period >= 4, "period", "the period must have at least 4 samples");
+    check_period(r.options.period, u.rows());
     const int64_t pairs = u.cols() * y.cols();
     if (only_count((r.options.period / 2 + 1) * (1 + 3 * pairs), out, capacity, out_count)) return;
     const Index skip = r.options.skip == 0 ? 1 : std::max<Index>(0, r.options.skip);

@@ -56,6 +56,10 @@ Options read_options(const Options* options, const char* argument) {
   check_options_size(options, options->struct_size, sizeof(Options), argument);
   const std::size_t size = static_cast<std::size_t>(options->struct_size);
   std::memcpy(&result, options, size < sizeof result ? size : sizeof result);
+  if constexpr (requires { result.reserved; }) {
+    require(result.reserved == 0, argument,
+            std::string(argument) + " has a reserved member that is not zero");
+  }
   return result;
 }
 

@@ -52,7 +52,11 @@ Vector stacked(const Matrix& m, const Matrix& b, const Matrix& k) {
 
 Posture posture_request(const ulna_joint_request& r) {
   Posture out;
-  out.jacobian = map_view(r.jacobian, "jacobian");
+  const StridedMap jacobian = map_view(r.jacobian, "jacobian");
+  require(
+      jacobian.rows() >= 1 && jacobian.rows() <= 6 && jacobian.cols() >= 1 && jacobian.cols() <= 12,
+      "jacobian", "the Jacobian must have from 1 to 6 rows and from 1 to 12 columns");
+  out.jacobian = jacobian;
   const Matrix slopes = map_view(r.slope, "slope");
   const Index rows = out.jacobian.rows();
   const Index n = out.jacobian.cols();

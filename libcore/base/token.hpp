@@ -10,8 +10,14 @@ namespace ulna {
 
 class Token {
  public:
+  Token() = default;
+  // Of a part of the work: cancelled with the whole, its progress is its own.
+  explicit Token(const Token* whole) : whole_(whole) {}
+
   void cancel() noexcept { cancelled_.store(true, std::memory_order_relaxed); }
-  bool cancelled() const noexcept { return cancelled_.load(std::memory_order_relaxed); }
+  bool cancelled() const noexcept {
+    return cancelled_.load(std::memory_order_relaxed) || (whole_ != nullptr && whole_->cancelled());
+  }
 
   double progress() const noexcept { return progress_.load(std::memory_order_relaxed); }
   void set_progress(double fraction) noexcept {
@@ -19,6 +25,7 @@ class Token {
   }
 
  private:
+  const Token* whole_ = nullptr;
   std::atomic<bool> cancelled_{false};
   std::atomic<double> progress_{0.0};
 };

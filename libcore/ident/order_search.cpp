@@ -22,6 +22,8 @@ constexpr double kWorseInside = 3.0;
 // Percent accounted for, above which what is left is rounding and compares with nothing.
 constexpr double kExact = 100.0 - 1e-9;
 
+constexpr Index kLargestOrder = 10;
+constexpr std::size_t kMostCandidates = 100'000;
 constexpr Index kBlocks = 20;  // of rows; errors of neighbours are correlated
 
 std::string name_of(const OrderCandidate& c) {
@@ -191,6 +193,13 @@ OrderSearch search_orders(MatrixRef inputs, VectorRef output, double rate_hz,
   options.setup.least_skip_s = std::max(
       options.setup.least_skip_s, *std::max_element(grid.delay_s.begin(), grid.delay_s.end()));
 
+  for (const Index n : grid.poles) {
+    require(n >= 1 && n <= kLargestOrder, "poles", "a number of poles must be from 1 to 10");
+  }
+  require(
+      grid.poles.size() * (grid.zeros.empty() ? std::size_t{kLargestOrder} : grid.zeros.size()) <=
+          kMostCandidates / grid.delay_s.size(),
+      "delay_s", "more than 100000 models are asked for: try fewer delays");
   OrderSearch search;
   for (const Index n : grid.poles) {
     std::vector<Index> zeros = grid.zeros;
@@ -220,8 +229,9 @@ OrderSearch search_orders(MatrixRef inputs, VectorRef output, double rate_hz,
         own.setup.orders.poles = c.poles;
         own.setup.orders.zeros.assign(inputs_count, c.zeros);
         own.setup.orders.delay_s.assign(inputs_count, c.delay_s);
+        Token part(token);
         try {
-          c.fit = identify_rational(inputs, output, rate_hz, ranges, own);
+          c.fit = identify_rational(inputs, output, rate_hz, ranges, own, &part);
           c.note = complaint(c.fit.outcome);
           c.fit.simulated.resize(0);
           // Of the rows that it was estimated from, for Young's criterion.

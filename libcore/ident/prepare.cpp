@@ -335,7 +335,7 @@ Prepared prepare(const Record& record, const Roles& roles, const PrepareOptions&
   check_savgol(plan.spec, 2);
   require(report.order >= 2, "order",
           "the polynomial order must be at least 2 to give accelerations");
-  plan.zero_phase = options.zero_phase;
+  plan.zero_phase = report.zero_phase = options.zero_phase;
   if (plan.lowpass) {
     plan.sos = butterworth_lowpass(report.lowpass_order, lowpass, rate);
     report.lowpass_hz = lowpass;

@@ -40,6 +40,7 @@ struct PrepareReport {
   double effective_cutoff_hz = 0.0;  // -3 dB of the whole smoother for the value
   double motion_band_hz = 0.0;       // 95 % of the power of velocity (of the reference's, if any)
   Index dropped_rows = 0;            // at either end of every trial: no full window
+  ZeroPhase zero_phase;              // how the ends are extended
   Index pad_rows = 0;                // odd extension at either end
   Index transient_rows = 0;          // at either end: the extension still shows (share epsilon)
   bool short_trials = false;         // a trial is shorter than the pad asked for

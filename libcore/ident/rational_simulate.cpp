@@ -40,8 +40,8 @@ Vector simulate_rational(const Rational& model, const std::vector<double>& delay
             "delay_s must be finite and not negative");
     require(model.b[i].size() >= 1 && model.b[i].size() <= n + 1, "model",
             "each numerator needs from 1 coefficient to one more than there are poles");
-    const Delay delay =
-        split_delay(std::min(delay_s[i], 1.0 + static_cast<double>(out.size())), rate_hz);
+    const Delay delay = split_delay(
+        std::min(delay_s[i], (1.0 + static_cast<double>(out.size())) / rate_hz), rate_hz);
     const Step d = discretise(f, Vector::Unit(n, n - 1), omega / rate_hz, delay.fraction, hold);
     const Eigen::Vector2d weights = value_weights(delay.fraction, hold);
     Vector b = Vector::Zero(n + 1);

@@ -17,7 +17,8 @@ namespace {
 
 constexpr double kGravity = 9.80665;
 constexpr int kHighpassOrder = 3;
-constexpr int kDriftOrder = 3;  // polynomial of a twice integrated bias and its start values
+constexpr int kDriftOrder = 3;         // polynomial of a twice integrated bias and its start values
+constexpr Index kLeastCompared = 200;  // rows of a trial: ten for each block
 constexpr Index kJackknifeBlocks = 20;  // of the jackknife
 constexpr double kSure = 3.0;           // standard errors
 constexpr double kVisibleScale = 0.02;
@@ -227,7 +228,7 @@ void explain_axis(SensorCheck& out, Words& words, Index i, bool turned) {
   const Index j = out.follows[static_cast<std::size_t>(i)];
   const std::string& x = out.positions[static_cast<std::size_t>(j)];
   const double correlation = std::abs(out.correlation(i, j));
-  if (out.corrected[i] < 50.0) {
+  if (!(out.corrected[i] >= 50.0)) {
     words.say(Disagreement::kUnrelated, Severity::kError, "unrelated", i,
               sentence(3, a, " does not follow the motion of the encoders (correlation ",
                        correlation, " at best): the sensor was not connected, not fixed to the ",
@@ -356,6 +357,15 @@ SensorCheck check_sensors(const Record& record, const SensorCheckOptions& option
   // The ends carry the extension of the high pass; a lag reaches beyond a row as well.
   const Index margin = static_cast<Index>(std::ceil(options.max_lag_s * thin)) + 4 +
                        static_cast<Index>(thin / out.highpass_hz);
+  std::erase_if(pairs,
+                [margin](const Pair& pair) { return pair.x.rows() < 2 * margin + kLeastCompared; });
+  if (pairs.empty()) {
+    throw Error(
+        Fault::kData, "time",
+        sentence(4, "no trial is longer than the ", 2.0 * options.max_lag_s,
+                 " s of the lag and the ", 2.0 / out.highpass_hz,
+                 " s of the high pass at its ends: record longer, or look for a smaller lag"));
+  }
   const Comparison comparison(pairs, thin, margin);
   out.gain.resize(n, n);
   out.gain_error.resize(n, n);
@@ -414,7 +424,7 @@ SensorCheck check_sensors(const Record& record, const SensorCheckOptions& option
   for (Index i = 0; i < n; ++i) explain_axis(out, words, i, turned);
   for (Index i = 0; i < n; ++i) {
     const std::string& a = out.accelerations[static_cast<std::size_t>(i)];
-    if (out.corrected[i] < 50.0) continue;
+    if (!(out.corrected[i] >= 50.0)) continue;
     const double late = out.lag_s[i];
     if (std::abs(late) > std::max(kSure * out.lag_error_s[i], 0.5 / rate)) {
       words.say(

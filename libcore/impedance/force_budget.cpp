@@ -59,7 +59,7 @@ ForceBudget force_budget(const ImpedanceEstimate& estimate, const ForceErrors& e
                              whole.begin, whole.end - whole.begin),
                          smooth.col(i));
       }
-      if (report.lowpass_hz > 0.0) filter_zero_phase(sos, {}, smooth);
+      if (report.lowpass_hz > 0.0) filter_zero_phase(sos, report.zero_phase, smooth);
       table.middleCols(3 * n, n) = smooth;
       prepared.trials.emplace_back(
           trial.begin(), n, static_cast<Index>(prepared.roles.reference.size()), std::move(table));

@@ -191,8 +191,9 @@ JointImpedance to_endpoint(const Vector& natural, const Matrix& covariance, cons
 JointPassivity joint_passivity(const JointImpedance& impedance, double level, Index draws,
                                std::uint64_t seed) {
   require(level > 0.0 && level < 1.0, "level", "the level must lie between 0 and 1");
-  require(draws >= 100 && draws <= 10'000'000, "draws", "from 100 to ten million draws are made");
+  require(draws >= 100 && draws <= 1'000'000, "draws", "from 100 to a million draws are made");
   const Index n = impedance.m.rows();
+  require(n >= 1 && n <= 12, "m", "M, B and K must have from 1 to 12 rows");
   const auto least = [](const Matrix& z) {
     const Eigen::SelfAdjointEigenSolver<Matrix> solver(0.5 * (z + z.transpose()),
                                                        Eigen::EigenvaluesOnly);

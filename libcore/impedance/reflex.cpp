@@ -194,7 +194,7 @@ ReflexEstimate identify_reflex(const Record& record, const ReflexOptions& option
       test_reflex(prepared, spans, options, grid, cascade, reported, moved, mean, token);
   out.p_value = test.p_value;
   out.test_blocks = test.blocks;
-  out.impulse = impulse_responses(trials, split, options, grid);
+  out.impulse = impulse_responses(trials, split, options, grid, token);
 
   if (out.refitted) {
     for (std::size_t t = 0; t < trials.size(); ++t) {

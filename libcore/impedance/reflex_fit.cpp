@@ -135,7 +135,7 @@ CascadeFit fit_cascade(Cascade& cascade, const ReflexOptions& options, int side,
     Matrix shape = ridge_shape(columns);
     const Index lags = columns.cols() - 1 - (options.position_powers - 1);
     shape.diagonal().tail(columns.cols() - lags).setZero();
-    out.penalty = ridge_fit(columns, cascade.torque(), shape).penalty;
+    out.penalty = ridge_fit(columns, cascade.torque(), shape, token).penalty;
     cascade.set_penalty(out.penalty);
   }
   out.theta_without = fit_without(cascade);

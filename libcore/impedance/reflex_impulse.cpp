@@ -18,7 +18,8 @@ constexpr double kLeastRoughness = 1.0;
 }  // namespace
 
 ReflexImpulse impulse_responses(const std::vector<CascadeTrial>& trials, const Split& split,
-                                const ReflexOptions& options, const CascadeGrid& plain) {
+                                const ReflexOptions& options, const CascadeGrid& plain,
+                                Token* token) {
   ReflexImpulse out;
   out.vaf = kNaN;
   if (options.reflex_irf_s <= 0.0) return out;
@@ -59,9 +60,9 @@ ReflexImpulse impulse_responses(const std::vector<CascadeTrial>& trials, const S
   Matrix rough_part = Matrix::Zero(width, width);
   rough_part.bottomRightCorner(reflex_lags + 1, reflex_lags + 1) =
       size.diagonal().tail(reflex_lags + 1).mean() * roughness(reflex_lags + 1);
-  const double ridge_penalty = ridge_fit(columns, torque, ridge_part, rough_part).penalty;
+  const double ridge_penalty = ridge_fit(columns, torque, ridge_part, token, rough_part).penalty;
   const Ridge ridge =
-      ridge_fit(columns, torque, rough_part, ridge_penalty * ridge_part, kLeastRoughness);
+      ridge_fit(columns, torque, rough_part, token, ridge_penalty * ridge_part, kLeastRoughness);
   const Vector residual = torque - columns * ridge.theta;
   const Index lag = lag_rows(sample.bounds, options.hac_lag_s, grid.sample_rate());
   const Matrix scores = residual.asDiagonal() * columns;

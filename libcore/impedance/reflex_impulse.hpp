@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "base/token.hpp"
 #include "base/types.hpp"
 #include "impedance/reflex.hpp"
 #include "impedance/reflex_cascade.hpp"
@@ -14,6 +15,7 @@ namespace ulna {
 // on its roughness; either penalty is chosen by cross-validation. Not available when options ask
 // for none or the trials are too short.
 ReflexImpulse impulse_responses(const std::vector<CascadeTrial>& trials, const Split& split,
-                                const ReflexOptions& options, const CascadeGrid& plain);
+                                const ReflexOptions& options, const CascadeGrid& plain,
+                                Token* token);
 
 }  // namespace ulna

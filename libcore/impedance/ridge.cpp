@@ -12,8 +12,9 @@ constexpr Index kPenalties = 27;
 
 }  // namespace
 
-Ridge ridge_fit(const Matrix& columns, const Vector& y, const Matrix& shape, const Matrix& base,
-                double least) {
+Ridge ridge_fit(const Matrix& columns, const Vector& y, const Matrix& shape, Token* token,
+                const Matrix& base, double least) {
+  Token part(token);
   const Index rows = columns.rows();
   const Index p = columns.cols();
   std::vector<Matrix> grams;
@@ -24,9 +25,10 @@ Ridge ridge_fit(const Matrix& columns, const Vector& y, const Matrix& shape, con
   for (Index fold = 0; fold < kFolds; ++fold) {
     const Index first = rows * fold / kFolds;
     const Index count = rows * (fold + 1) / kFolds - first;
-    const auto part = columns.middleRows(first, count);
-    grams.emplace_back(part.transpose() * part);
-    rights.emplace_back(part.transpose() * y.segment(first, count));
+    step(&part, 0.0);
+    const auto some = columns.middleRows(first, count);
+    grams.emplace_back(some.transpose() * some);
+    rights.emplace_back(some.transpose() * y.segment(first, count));
     squares[fold] = y.segment(first, count).squaredNorm();
     gram += grams.back();
     right += rights.back();
@@ -43,6 +45,7 @@ Ridge ridge_fit(const Matrix& columns, const Vector& y, const Matrix& shape, con
   for (Index k = 0; k < kPenalties; ++k) {
     const Matrix more = 0.8 * penalised(penalty_at(k));  // four parts of five
     for (Index fold = 0; fold < kFolds; ++fold) {
+      step(&part, 0.0);
       const auto f = static_cast<std::size_t>(fold);
       const Vector theta = (gram - grams[f] + more).ldlt().solve(right - rights[f]);
       const double error = squares[fold] - 2.0 * theta.dot(rights[f]) + theta.dot(grams[f] * theta);

@@ -2,6 +2,7 @@
 // values than a band-limited motion determines.
 #pragma once
 
+#include "base/token.hpp"
 #include "base/types.hpp"
 
 namespace ulna {
@@ -18,7 +19,8 @@ struct Ridge {
 // the other four under each penalty of least ... 10^13 least (half decades); chosen is the largest
 // whose error exceeds the least by no more than its standard error over the parts, so that what the
 // motion does not determine stays small (Breiman et al. 1984, the rule of one standard error).
-Ridge ridge_fit(const Matrix& columns, const Vector& y, const Matrix& shape,
+// A token only cancels.
+Ridge ridge_fit(const Matrix& columns, const Vector& y, const Matrix& shape, Token* token,
                 const Matrix& base = {}, double least = 1e-10);
 
 // Mean square of every column on the diagonal: a penalty that does not depend on units.

@@ -30,6 +30,8 @@ Peak largest(const std::function<double(double)>& f, double curvature, double to
     if (value > best.value) best = {x, value};
     return value;
   };
+  require(std::isfinite(curvature), "delay_s",
+          "these numbers are too far apart for double arithmetic: check their units");
   std::vector<Stretch> open;
   constexpr int kFirst = 64;
   double before = visit(0.0);
@@ -45,7 +47,7 @@ Peak largest(const std::function<double(double)>& f, double curvature, double to
     open.pop_back();
     const double h = s.b - s.a;
     const double bound = std::max(s.fa, s.fb) + curvature * h * h / 8.0;
-    if (bound <= best.value + tolerance || h < 1e-9) continue;
+    if (!(bound > best.value + tolerance) || h < 1e-9) continue;
     const double middle = 0.5 * (s.a + s.b);
     const double fm = visit(middle);
     open.push_back({s.a, middle, s.fa, fm});
@@ -56,14 +58,17 @@ Peak largest(const std::function<double(double)>& f, double curvature, double to
 
 double sinc(double x) { return std::abs(x) < 1e-4 ? 1.0 - x * x / 6.0 : std::sin(x) / x; }
 
+// Squares and products of such numbers neither overflow nor need a limit of their own.
+constexpr double kMostTeleoperation = 1e60;
+
 void check_not_negative(double value, const char* name) {
-  require(std::isfinite(value) && value >= 0.0, name,
+  require(value >= 0.0 && value <= kMostTeleoperation, name,
           std::string(name) + " must be a finite number that is not negative");
 }
 
 void check_delays(const Vector& delay_s) {
   for (Index i = 0; i < delay_s.size(); ++i) {
-    require(std::isfinite(delay_s(i)) && delay_s(i) >= 0.0, "delay_s",
+    require(delay_s(i) >= 0.0 && delay_s(i) <= kMostTeleoperation, "delay_s",
             sentence(9, "delay ", i, " is ", delay_s(i),
                      " s: a delay must be a finite number that is not negative"));
   }
@@ -92,9 +97,9 @@ Vector allowed_gain(const PositionForce& p, double excess, const Vector& delay_s
   check_not_negative(p.master_damping, "master_damping");
   check_not_negative(p.slave_damping, "slave_damping");
   check_not_negative(p.coupling_stiffness, "coupling_stiffness");
-  require(std::isfinite(p.coupling_damping) && p.coupling_damping > 0.0, "coupling_damping",
+  require(p.coupling_damping > 0.0 && p.coupling_damping <= kMostTeleoperation, "coupling_damping",
           "coupling_damping must be a finite number above 0");
-  require(std::isfinite(excess), "excess", "the excess must be a finite number");
+  require(std::abs(excess) <= kMostTeleoperation, "excess", "the excess must be a finite number");
   check_delays(delay_s);
   const double damping = p.master_damping + excess;
   Vector out(delay_s.size());
@@ -112,7 +117,7 @@ Vector allowed_stiffness(double device_damping, double wall_damping, double exce
                          const Vector& delay_s) {
   check_not_negative(device_damping, "device_damping");
   check_not_negative(wall_damping, "wall_damping");
-  require(std::isfinite(excess), "excess", "the excess must be a finite number");
+  require(std::abs(excess) <= kMostTeleoperation, "excess", "the excess must be a finite number");
   check_delays(delay_s);
   const double damping = device_damping + excess;
   Vector out(delay_s.size());

@@ -49,9 +49,16 @@ FrequencyResponse closed_loop_response(const Spectra& spectra, const std::vector
     const auto bin = static_cast<Index>(f);
     if (std::isnan(coherence.raw(bin, 0))) continue;
     const MatrixXcd& s = spectra.s[f];
-    const Eigen::FullPivLU<MatrixXcd> lu(MatrixXcd(s(references, inputs)));
+    // In units of each channel's own power, so that the condition does not depend on units.
+    const Vector of_reference = s(references, references).diagonal().real().cwiseSqrt();
+    const Vector of_input = s(inputs, inputs).diagonal().real().cwiseSqrt();
+    if (!(of_reference.minCoeff() > 0.0 && of_input.minCoeff() > 0.0)) continue;
+    const MatrixXcd scaled = of_reference.cwiseInverse().asDiagonal() * s(references, inputs) *
+                             of_input.cwiseInverse().asDiagonal();
+    const Eigen::FullPivLU<MatrixXcd> lu(scaled);
     if (!(lu.rcond() > 1e-14)) continue;
-    const MatrixXcd inverse = lu.inverse();
+    const MatrixXcd inverse = of_input.cwiseInverse().asDiagonal() * lu.inverse() *
+                              of_reference.cwiseInverse().asDiagonal();
     const MatrixXcd b = inverse * s(references, outputs);
     const MatrixXcd spread = inverse * s(references, references) * inverse.adjoint();
     const MatrixXcd suu = s(inputs, inputs);

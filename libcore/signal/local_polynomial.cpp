@@ -25,9 +25,11 @@ std::vector<RowRange> used_ranges(Index rows, const std::vector<RowRange>& range
 // The longest length within all ranges that a fast Fourier transform likes.
 Index common_length(const std::vector<RowRange>& ranges, Index rows) {
   Index shortest = rows;
+  Index last_end = 0;
   for (const RowRange& r : ranges) {
-    require(r.begin >= 0 && r.end <= rows && r.begin < r.end, "ranges",
-            "ranges must lie within the rows");
+    require(r.begin >= last_end && r.end <= rows && r.begin < r.end, "ranges",
+            "ranges must be in order, not overlap, and lie within the rows");
+    last_end = r.end;
     shortest = std::min(shortest, r.end - r.begin);
   }
   for (Index length = shortest; length > 1; --length) {
@@ -132,7 +134,7 @@ LocalResponse local_response(MatrixRef inputs, MatrixRef outputs, double rate_hz
   MatrixXcd right(runs * width, m);
   bool any = false;
   for (Index k = 0; k < bins; ++k) {
-    if (k % 256 == 0) step(token, static_cast<double>(k) / static_cast<double>(bins));
+    step(token, static_cast<double>(k) / static_cast<double>(bins));
     const Index centre = 1 + w + k * options.stride;
     regressors.setZero();
     for (Index run = 0; run < runs; ++run) {

@@ -22,6 +22,11 @@ constexpr double kExcited = 20.0;
 
 }  // namespace
 
+void check_period(Index period, Index rows) {
+  require(period >= 4 && period <= rows, "period",
+          "the period must have at least 4 samples and fit into the record");
+}
+
 FrequencyResponse periodic_response(MatrixRef inputs, MatrixRef outputs, double rate_hz,
                                     Index period, Index skip, const std::vector<RowRange>& ranges,
                                     double confidence, Token* token) {
@@ -31,7 +36,7 @@ FrequencyResponse periodic_response(MatrixRef inputs, MatrixRef outputs, double 
       sentence(12, "the inputs have ", inputs.rows(), " rows and the outputs ", outputs.rows()));
   require(inputs.cols() >= 1 && outputs.cols() >= 1, "inputs",
           "there must be at least one input and one output");
-  require(period >= 4, "period", "the period must have at least 4 samples");
+  check_period(period, inputs.rows());
   require(skip >= 0, "skip", "skip must not be negative");
   require(confidence > 0.0 && confidence < 1.0, "confidence",
           "the confidence must lie between 0 and 1");

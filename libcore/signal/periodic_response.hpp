@@ -7,6 +7,9 @@
 
 namespace ulna {
 
+// Throws Error (kArgument) unless a period has 4 samples and fits into the rows.
+void check_period(Index period, Index rows);
+
 // period: samples; skip: whole periods left out at the start of every range while transients decay.
 // Every range holds at least two more. Several inputs need as many ranges in which they differ.
 // Harmonics 0 ... period / 2; NaN at 0 and where the inputs are dependent or have no power above

@@ -11,6 +11,8 @@
 namespace ulna {
 namespace {
 
+constexpr double kMostSamples = 1e8;
+
 struct SampleRange {
   Index low = 0;
   Index high = 0;
@@ -20,10 +22,17 @@ struct SampleRange {
   }
 };
 
+// Longer than this is no design, and its samples do not fit a whole number.
+void check_span(double seconds, double rate_hz, const char* argument, const char* what) {
+  require(seconds * rate_hz <= kMostSamples, argument,
+          std::string(what) + " is longer than 1e8 samples: give seconds");
+}
+
 SampleRange samples(double low_s, double high_s, double rate_hz, const char* argument,
                     const char* what) {
   require(std::isfinite(low_s) && std::isfinite(high_s) && low_s >= 0.0 && high_s >= low_s,
           argument, std::string(what) + " must be a range of seconds, the smaller one first");
+  check_span(high_s, rate_hz, argument, what);
   const SampleRange range{static_cast<Index>(std::ceil(low_s * rate_hz - 1e-6)),
                           static_cast<Index>(std::floor(high_s * rate_hz + 1e-6))};
   require(range.low <= range.high, argument,
@@ -70,6 +79,8 @@ void check(const StepsSpec& spec) {
           "the way back must take a positive number of seconds");
   require(std::isfinite(spec.rest_s) && spec.rest_s >= 0.0, "rest_s",
           "the rest at the end must last 0 s or longer");
+  check_span(spec.return_s, spec.rate_hz, "return_s", "the way back");
+  check_span(spec.rest_s, spec.rate_hz, "rest_s", "the rest at the end");
   require(spec.wait_low_s >= spec.return_s, "wait_s",
           sentence(6, "the way back takes ", spec.return_s, " s and the next step may come ",
                    spec.wait_low_s, " s after the hold: wait at least as long as the way back"));
@@ -123,6 +134,7 @@ Excitation steps(const StepsSpec& spec, Token* token) {
                           static_cast<double>(end - onset) / rate, d,
                           spec.size * directions.row(d).transpose()});
     row = end;
+    rows_of(static_cast<double>(row + 2) / rate, rate, "repeats");  // refuses what is too long
   }
   const Index rows = rows_of(static_cast<double>(row + back + rest + 1) / rate, rate, "repeats");
   out.value = out.rate = out.acceleration = Matrix::Zero(rows, directions.cols());

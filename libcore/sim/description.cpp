@@ -60,7 +60,6 @@ void check_human(const Human& human, Index n, double control_hz) {
   require_number(c.speed_m_s, 0.0, 1e3, "reaction_speed_m_s", "the speed that co-contracts fully");
   require_number(c.memory_s, 1e-2, 1e3, "memory_s", "the memory of the co-contraction");
   const CnsController& cns = human.cns;
-  if (!cns.on && c.speed_m_s == 0.0) return;
   require_number(cns.delay_s, 1.0 / control_hz, 2.0, "delay_s", "the reaction delay");
   require_number(cns.lag_s, 0.0, 2.0, "lag_s", "the lag of the muscles");
   require_number(cns.stiffness_n_m, 0.0, 1e5, "stiffness_n_m", "the controller's stiffness");

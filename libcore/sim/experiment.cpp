@@ -58,19 +58,7 @@ struct Course {
   Index limited = 0;
 };
 
-// Of a batch the pool reports the progress; a run then only stops when it is asked to.
-enum class Progress { kReport, kKeep };
-
-void watch(Token* token, Progress progress, double fraction) {
-  if (progress == Progress::kReport) {
-    step(token, fraction);
-  } else if (token != nullptr) {
-    step(token, token->progress());
-  }
-}
-
-Course run_loop(const Experiment& e, std::uint64_t seed, std::uint64_t run, Token* token,
-                Progress progress) {
+Course run_loop(const Experiment& e, std::uint64_t seed, std::uint64_t run, Token* token) {
   Loop loop(e, seed, run);
   Course course;
   course.per_row = static_cast<Index>(std::lround(control_rate(e) / e.rate_hz));
@@ -82,7 +70,7 @@ Course run_loop(const Experiment& e, std::uint64_t seed, std::uint64_t run, Toke
   course.force.reserve(static_cast<std::size_t>(steps));
   for (Index i = 0; i < steps; ++i) {
     if (i % 1000 == 0) {
-      watch(token, progress, static_cast<double>(i) / static_cast<double>(steps));
+      step(token, static_cast<double>(i) / static_cast<double>(steps));
     }
     const Index at = std::max<Index>(0, i - course.settle);
     const bool settling = i < course.settle;
@@ -284,9 +272,8 @@ void check_limited(const Experiment& e, const Course& course) {
                        "reference"));
 }
 
-Record run_checked(const Experiment& e, std::uint64_t seed, std::uint64_t run, Token* token,
-                   Progress progress) {
-  const Course course = run_loop(e, seed, run, token, progress);
+Record run_checked(const Experiment& e, std::uint64_t seed, std::uint64_t run, Token* token) {
+  const Course course = run_loop(e, seed, run, token);
   check_limited(e, course);
   return record_of(e, course, seed, run);
 }
@@ -296,7 +283,7 @@ Record run_checked(const Experiment& e, std::uint64_t seed, std::uint64_t run, T
 Record simulate(const Experiment& experiment, std::uint64_t seed, std::uint64_t run, Token* token) {
   check_experiment(experiment);
   check_stability(experiment, token);
-  return run_checked(experiment, seed, run, token, Progress::kReport);
+  return run_checked(experiment, seed, run, token);
 }
 
 std::vector<Record> simulate_batch(const Experiment& experiment, std::uint64_t seed, Index count,
@@ -308,8 +295,9 @@ std::vector<Record> simulate_batch(const Experiment& experiment, std::uint64_t s
   parallel_for(
       count, threads,
       [&](std::ptrdiff_t i) {
+        Token part(token);  // the pool reports the progress
         made[static_cast<std::size_t>(i)] =
-            run_checked(experiment, seed, static_cast<std::uint64_t>(i), token, Progress::kKeep);
+            run_checked(experiment, seed, static_cast<std::uint64_t>(i), &part);
       },
       token);
   std::vector<Record> records;
