@@ -202,15 +202,16 @@ TEST(Ridge, PenaltyGrowsWithNoiseAndKeepsWhatIsExact) {
   const Vector clean = columns * h;
   Vector noisy = clean;
   for (Index i = 0; i < kRows; ++i) noisy[i] += 3.0 * random.normal();
-  const Ridge exact = ridge_fit(columns, clean, roughness(kLags));
-  const Ridge smooth = ridge_fit(columns, noisy, roughness(kLags));
+  const Ridge exact = ridge_fit(columns, clean, roughness(kLags), nullptr);
+  const Ridge smooth = ridge_fit(columns, noisy, roughness(kLags), nullptr);
   const Vector free = columns.householderQr().solve(noisy);
   EXPECT_LT((exact.theta - h).norm(), 1e-3 * h.norm());
   EXPECT_GT(smooth.penalty, exact.penalty);
   EXPECT_LT(smooth.rank, 0.5 * kLags);
   EXPECT_NEAR(exact.rank, kLags, 1.0);
   // A base that is large holds the response down, whatever the penalty.
-  const Ridge held = ridge_fit(columns, clean, roughness(kLags), 1e9 * ridge_shape(columns));
+  const Ridge held =
+      ridge_fit(columns, clean, roughness(kLags), nullptr, 1e9 * ridge_shape(columns));
   EXPECT_LT(held.theta.norm(), 1e-6 * h.norm());
   EXPECT_LT((smooth.theta - h).norm(), 0.5 * (free - h).norm());
 }
