@@ -15,6 +15,8 @@ namespace {
 // A step that moves the output by less than this share of it is rounding.
 constexpr double kStepRounding = 1e-12;
 
+constexpr double kLittle = 50.0;  // percent explained, below which a note says so
+
 // Sensitivities of unit length that are closer to dependent than this determine nothing.
 constexpr double kWorstCondition = 1e7;
 
@@ -483,6 +485,11 @@ void judge(const RationalProblem& problem, const Solution& solution, RationalFit
         sentence(3, "the model explains ", std::max(0.0, fit.vaf), " % of the output",
                  fit.vaf_held_out < 0.0 ? ", and none of the held-out rows" : "",
                  ": input and output may be unrelated, or the delay wrong"));
+  }
+  if (fit.outcome == FitOutcome::kGood && fit.vaf < kLittle) {
+    fit.notes.push_back(sentence(
+        3, "the model explains only ", fit.vaf,
+        " % of the output: the rest is noise, or the orders or the delay (in seconds) are wrong"));
   }
   std::vector<std::string> held;
   for (Index i = 0; i < fit.theta.size(); ++i) {

@@ -14,6 +14,7 @@
 #include "impedance/profile.hpp"
 #include "impedance/scores.hpp"
 #include "impedance/split.hpp"
+#include "impedance/words.hpp"
 
 namespace ulna {
 namespace {
@@ -52,7 +53,7 @@ class Feedback {
     const Index count = static_cast<Index>(rows_.at.size());
     force_.resize(count, n_);
     for (Index i = 0; i < count; ++i) force_.row(i) = -trial(i).force().row(row(i));
-    if (!instrumental) return;
+    if (!instrumental || count == 0) return;
     // The reference at once and at delays over the range: what could cause the motion and its past.
     constexpr Index kDelays = 4;
     Matrix z(count, (3 + 2 * kDelays) * m_ + 1);
@@ -84,7 +85,8 @@ class Feedback {
     const Vector norms = z.colwise().norm().transpose().cwiseMax(1e-300);
     const Eigen::ColPivHouseholderQR<Matrix> qr(z * norms.cwiseInverse().asDiagonal());
     Index rank = 0;
-    while (rank < z.cols() && std::abs(qr.matrixR()(rank, rank)) > 1e-9) ++rank;
+    const Index most = std::min(count, z.cols());
+    while (rank < most && std::abs(qr.matrixR()(rank, rank)) > 1e-9) ++rank;
     instruments_ = qr.householderQ() * Matrix::Identity(count, rank);
   }
 
@@ -387,6 +389,15 @@ Vector vaf_of(const Matrix& force, const Matrix& predicted) {
 }
 
 void explain(DelayedEstimate& e, const DelayedOptions& o) {
+  bool negative_inertia = true;
+  for (Index i = 0; i < e.n; ++i) {
+    const Index at = i * e.n + i;
+    negative_inertia = negative_inertia && e.m(i, i) < -3.0 * std::sqrt(e.covariance(at, at));
+  }
+  if (negative_inertia) {
+    e.outcome |= kDelayedSuspectData;
+    e.warnings.emplace_back(kNegativeInertia);
+  }
   if (!std::isfinite(e.p_value)) {
     e.outcome |= kDelayedUntested;
     e.notes.push_back(sentence(3, "Only ", e.test_blocks,

@@ -26,6 +26,7 @@ enum DelayedOutcome : std::uint32_t {
   kDelayedAtBound = 1u << 1,  // its interval reaches the end of the range
   kDelayedIllConditioned = 1u << 2,
   kDelayedPoorFit = 1u << 3,
+  kDelayedSuspectData = 1u << 5,  // the inertia is negative
   kDelayedUntested = 1u << 4,
 };
 

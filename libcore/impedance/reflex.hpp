@@ -34,7 +34,8 @@ enum ReflexOutcome : std::uint32_t {
   kReflexDynamicsAtBound = 1u << 2,
   kReflexPoorFit = 1u << 3,
   kReflexNotConverged = 1u << 4,
-  kReflexUntested = 1u << 5,  // too few blocks for a test
+  kReflexSuspectData = 1u << 6,  // the inertia is negative
+  kReflexUntested = 1u << 5,     // too few blocks for a test
 };
 
 struct ReflexOptions {

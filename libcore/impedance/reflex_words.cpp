@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "base/words.hpp"
+#include "impedance/words.hpp"
 
 namespace ulna {
 
@@ -12,6 +13,11 @@ void explain_reflex(ReflexEstimate& e) {
     e.outcome |= bit;
     e.warnings.push_back(std::move(words));
   };
+  const double inertia_error = std::sqrt(e.fit.covariance(kReflexM, kReflexM));
+  if (e.fit.value[kReflexM] < -3.0 * inertia_error) warn(kReflexSuspectData, kNegativeInertia);
+  if (e.held_out_rows == 0) {
+    e.notes.push_back("Nothing was held out: the VAF is of the data behind the estimate.");
+  }
   if (!std::isfinite(e.p_value)) {
     e.outcome |= kReflexUntested;
     e.notes.push_back(sentence(3, "Only ", e.test_blocks,

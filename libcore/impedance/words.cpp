@@ -119,10 +119,7 @@ void explain(ImpedanceEstimate& out, const Fit& reported, const ImpedanceOptions
   }
   if (negative_inertia) {
     out.fit.outcome |= kSuspectData;
-    out.warnings.push_back(
-        "The inertia comes out negative, which no limb has: the force must be the one by the human "
-        "on the robot (else turn its sign in a map), its axes those of the motion, and the payload "
-        "no more than was moved.");
+    out.warnings.emplace_back(kNegativeInertia);
   }
   if ((out.fit.outcome & kIllConditioned) != 0) {
     out.warnings.push_back(sentence(3, "The estimate is ill-conditioned (condition number ",

@@ -8,6 +8,11 @@
 
 namespace ulna {
 
+inline constexpr const char* kNegativeInertia =
+    "The inertia comes out negative, which no limb has: the force must be the one by the human on "
+    "the robot (else turn its sign in a map), its axes those of the motion, and the payload no "
+    "more than was moved.";
+
 // The direction that the data determine least, in words.
 std::string unidentifiable(const Fit& fit, const std::vector<std::string>& axes);
 

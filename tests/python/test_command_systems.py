@@ -1,6 +1,7 @@
 """``ulna passivity``, ``ulna model`` and ``ulna rig``: what the functions find, said on a terminal."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -58,12 +59,26 @@ def test_passivity_of_files(capsys, tmp_path):
         (("none.json",), "none.json"),
         (("--num", "1", "--den", "1 1", "--two-port", "--band", "0,1"), "leave --band"),
         (("--num", "1", "--den", "0"), "denominator"),
+        (("--num", "1", "--den", "1 1", "--shortage", "1"), "belong to --two-port"),
     ],
 )
 def test_passivity_refuses(arguments, words, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert run("passivity", *arguments) == cli.BAD_INPUT
     assert words in capsys.readouterr().err
+
+
+def test_passivity_of_an_assessment_agrees_with_it(capsys, tmp_path):
+    data = Path(__file__).resolve().parents[2] / "examples" / "data" / "relaxed-arm.csv"
+    assert run("assess", data, "--json") == cli.OK
+    result = capsys.readouterr().out
+    (tmp_path / "result.json").write_text(result)
+    assert run("passivity", tmp_path / "result.json", "--json") == cli.OK
+    found = told(capsys)
+    assert found["verdict"] == json.loads(result)["passivity"]["verdict"] == "passive"
+    assert "antisymmetric part of K" in " ".join(found["notes"])
+    assert run("passivity", "--num", "1", "--den", "1 -1", "--json") == cli.OK
+    assert told(capsys)["input"] == "-inf"
 
 
 def test_passivity_names_what_a_file_lacks(capsys, tmp_path):
@@ -119,6 +134,7 @@ def test_model_order_and_delay_are_found(log, capsys):
     [
         (("--input", "F", "--output", "x"), "there is no channel 'F'; the record holds"),
         (("--input", "F_x", "--output", "x", "--delay", "5:1:1"), "is not ms"),
+        (("--input", "F_x", "--output", "x", "--delay", "0:0.04:0.005"), "is in ms"),
         (("--input", "F_x", "--output", "x", "--poles", "two"), "is not whole numbers"),
         (("--input", "F_x", "--output", "x", "--poles", "99"), "poles"),
     ],

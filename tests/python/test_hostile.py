@@ -1,6 +1,7 @@
 """Input that no laboratory has: it is refused with a sentence, at once, and nothing is read or written beyond."""
 
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,6 +9,9 @@ import pytest
 import ulna
 from ulna import design, models, sim
 from ulna._call import check, ffi, lib, options, result, view
+
+
+ARM = Path(__file__).resolve().parents[2] / "examples" / "data" / "relaxed-arm.csv"
 
 
 def refused(status, words):
@@ -167,3 +171,68 @@ def test_reserved_members_must_be_zero():
     )
     question[2] = raw
     refused(lib.ulna_sim_run(*question, 0, ffi.NULL, ffi.new("ulna_record **")), "reserved member")
+
+
+# Slips of a hand on the keyboard ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("delays", [(50, 250), (0, 45), (0.05, 60)])
+def test_delays_longer_than_the_record(delays):
+    t = np.arange(0, 20, 0.002)
+    x = 0.01 * np.sin(2 * np.pi * np.outer(t, [0.5, 1.3, 2.1])).sum(axis=1)
+    log = ulna.Record.from_arrays(t, {"x": x, "F_x": -100 * x, "x_ref": x})
+    with pytest.raises(ulna.DataError, match="samples are left"):
+        ulna.identify_delayed_feedback(log, delay_range_s=delays)
+
+
+def test_a_torque_of_the_wrong_sign_is_suspect():
+    rng = np.random.default_rng(0)
+    t = np.arange(0, 40, 0.001)
+    rows = np.cumsum(rng.normal(size=t.size))
+    x = 0.02 * np.convolve(rows - rows.mean(), np.ones(200) / 200, "same") / np.abs(rows).max()
+    v, a = np.gradient(x, t), np.gradient(np.gradient(x, t), t)
+    torque = 0.02 * a + 0.6 * v + 60 * x + 0.02 * rng.normal(size=t.size)  # with the wrong sign
+    log = ulna.Record.from_arrays(
+        t, {"q": x, "tau": torque}, units={"q": "rad", "tau": "Nm"}, roles={"q": "position", "tau": "force"}
+    )
+    with pytest.warns(ulna.UncertainResult, match="inertia comes out negative"):
+        found = ulna.identify_reflex(log, lowpass_hz=20, reflex_irf_s=0)
+    assert found.outcome == "suspect_data"
+    with pytest.warns(ulna.UncertainResult, match="inertia comes out negative"):
+        assert ulna.identify_delayed_feedback(log, lowpass_hz=20).outcome == "suspect_data"
+
+
+def test_a_model_that_explains_little_says_so():
+    rng = np.random.default_rng(0)
+    u = np.repeat(rng.normal(size=300), 20)
+    y = models.simulate([1.0], [1.0, 3.0, 60.0], u, rate_hz=200.0)
+    y += 3 * y.std() * rng.normal(size=y.size)
+    found = models.identify_transfer_function(u, y, rate_hz=200.0, poles=2, zeros=0)
+    assert any("explains only" in note for note in found.notes)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: design.steps(size=5), "further than an arm goes"),
+        (lambda: design.multisine(peak=10), "give m, or unit='mm'"),
+        (lambda: design.multisine(peak=90, unit="rad", axes=("q",)), "give rad, or unit='deg'"),
+        (lambda: design.random_binary(amplitude=15, unit="m"), "further than an arm goes"),
+        (lambda: design.multisine(seed=1).plan(robot=sim.Robot()), "must be an ulna.design.Robot"),
+        (lambda: design.multisine(seed=1).plan(noise=3), "must be an ulna.design.Noise"),
+        (lambda: ulna.passivity(ulna.TransferFunction([1], [1, 1])), "use ulna.passivity.indices"),
+        (lambda: ulna.virtual_sensor.sense(ulna.read(ARM), robot="thesis"), "must be an ulna.plant"),
+    ],
+)
+def test_the_wrong_thing_is_refused_with_what_is_wanted(call, words):
+    with pytest.raises(ulna.ArgumentError, match=words):
+        call()
+
+
+def test_one_number_stands_for_a_list():
+    u = np.repeat(np.random.default_rng(0).normal(size=100), 20)
+    y = models.simulate([1.0], [1.0, 3.0], u, rate_hz=100.0)
+    assert models.select_order(u, y, rate_hz=100.0, poles=1).best.poles == 1
+    volts, force = [-1.0, 0.0, 1.0, 2.0], [-3.1, 0.0, 2.9, 6.1]
+    line = ulna.rig.calibrate_line(volts, force, 0.1)
+    assert line == ulna.rig.calibrate_line(volts, force, [0.1] * 4)

@@ -67,6 +67,8 @@ def delays(text: str) -> list[float]:
     parts = [not_negative(part) for part in text.split(":")]
     if len(parts) == 1:
         return [1e-3 * parts[0]]
+    if len(parts) == 3 and parts[1] < 1.0:
+        raise argparse.ArgumentTypeError(f"{text!r} is in ms, as 0:40:5")
     if len(parts) != 3 or parts[2] <= 0 or parts[1] < parts[0]:
         raise argparse.ArgumentTypeError(f"{text!r} is not ms, as 12 or 0:40:5")
     steps = int((parts[1] - parts[0]) / parts[2] + 1e-9)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
+import math
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 from ._command import (
@@ -54,7 +56,7 @@ def add_to(commands: Any) -> None:
         help="of passivity that one termination has; negative: an excess (default: 0)",
     )  # fmt: skip
     two.add_argument(
-        "--port", type=int, choices=(1, 2), default=2, help="with that termination (default: 2)"
+        "--port", type=int, choices=(1, 2), help="with that termination (default: 2)"
     )
     parser.set_defaults(run=_run)
 
@@ -66,10 +68,12 @@ def _run(options: argparse.Namespace) -> int:
         require_matplotlib()
         check_folder(Path(options.out))
     system = _system(options)
+    if not options.two_port and (options.shortage != 0 or options.port is not None):
+        raise Usage("--shortage and --port belong to --two-port")
     if options.two_port:
         if options.band is not None or options.direction is not None:
             raise Usage("--two-port judges every frequency: leave --band and --direction out")
-        found = ulna.passivity.two_port(system, shortage=options.shortage, port=options.port)
+        found = ulna.passivity.two_port(system, shortage=options.shortage, port=options.port or 2)
         name = "two-port"
     else:
         found = ulna.passivity.indices(
@@ -78,9 +82,21 @@ def _run(options: argparse.Namespace) -> int:
         name = "passivity"
     hidden = {"system", "network"}
     values = {
-        f.name: getattr(found, f.name) for f in dataclasses.fields(found) if f.name not in hidden
+        f.name: _told(getattr(found, f.name))
+        for f in dataclasses.fields(found)
+        if f.name not in hidden
     }
     return say(options, name, found, values)
+
+
+def _told(value: Any) -> Any:
+    """An infinite index is an answer, for which JSON has no number."""
+    return str(value) if isinstance(value, float) and math.isinf(value) else value
+
+
+def _arm(M: Any, B: Any, K: Any) -> Any:
+    """Matrices as an estimate has them: small antisymmetric parts of M and K are dropped."""
+    return SimpleNamespace(M=M, B=B, K=K, x0=None)
 
 
 def _system(options: argparse.Namespace) -> Any:
@@ -102,7 +118,7 @@ def _system(options: argparse.Namespace) -> Any:
         for names, make in (
             (("num", "den"), ulna.TransferFunction),
             (("A", "B", "C", "D"), ulna.StateSpace),
-            (("M", "B", "K"), ulna.systems.impedance),
+            (("M", "B", "K"), _arm),
         ):
             if all(name in held for name in names):
                 return make(*(held[name] for name in names))

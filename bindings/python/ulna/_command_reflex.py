@@ -25,6 +25,8 @@ def delay_range(text: str) -> tuple[float, float]:
     if len(parts) != 2:
         raise argparse.ArgumentTypeError(f"{text!r} is not two times in ms, as 20,100")
     low, high = not_negative(parts[0]), positive(parts[1])
+    if high < 1.0:
+        raise argparse.ArgumentTypeError(f"{text!r} is in ms, as 20,100")
     if low >= high:
         raise argparse.ArgumentTypeError(f"{text!r} must go from a shorter to a longer delay")
     return 1e-3 * low, 1e-3 * high

@@ -41,8 +41,19 @@ def add_to(commands: Any) -> None:
     _add_force(tools)
 
 
+def _tool(tools: Any, name: str, summary: str) -> argparse.ArgumentParser:
+    parser: argparse.ArgumentParser = tools.add_parser(
+        name, help=summary, description=summary[0].upper() + summary[1:] + ".", allow_abbrev=False
+    )
+    parser.add_argument(
+        "--debug", action="store_true", default=argparse.SUPPRESS,
+        help="show the traceback of an error",
+    )  # fmt: skip
+    return parser
+
+
 def _add_springs(tools: Any) -> None:
-    parser = tools.add_parser("springs", help="equilibrium and stiffness of a spring array")
+    parser = _tool(tools, "springs", "equilibrium and stiffness of a spring array")
     parser.add_argument(
         "--rates", metavar="N/M", type=numbers, required=True,
         help="of the springs at the eight places k1 to k8 of the frame; 0: none",
@@ -55,7 +66,7 @@ def _add_springs(tools: Any) -> None:
 
 
 def _add_check(tools: Any) -> None:
-    parser = tools.add_parser("check", help="the accelerometer, twice integrated, against the encoders")
+    parser = _tool(tools, "check", "the accelerometer, twice integrated, against the encoders")
     add_recording(parser)
     parser.add_argument(
         "--acceleration", metavar="WORD", required=True, help="a stands for a_x and a_y"
@@ -65,9 +76,13 @@ def _add_check(tools: Any) -> None:
 
 
 def _add_calibrate(tools: Any) -> None:
-    parser = tools.add_parser("calibrate", help="a line from known forces to a gauge's volts")
-    parser.add_argument("--volts", metavar="V", type=numbers, required=True)
-    parser.add_argument("--force", metavar="N", type=numbers, required=True)
+    parser = _tool(tools, "calibrate", "a line from known forces to a gauge's volts")
+    parser.add_argument(
+        "--volts", metavar="V", type=numbers, required=True, help="what the gauge showed"
+    )
+    parser.add_argument(
+        "--force", metavar="N", type=numbers, required=True, help="the known forces, one a voltage"
+    )
     parser.add_argument(
         "--errors", metavar="N", type=numbers, help="standard deviations; one, or one a point"
     )
@@ -76,9 +91,7 @@ def _add_calibrate(tools: Any) -> None:
 
 
 def _add_force(tools: Any) -> None:
-    parser = tools.add_parser(
-        "force", help="the force on the handle of the planar capstan robot from its motors"
-    )
+    parser = _tool(tools, "force", "the force on the handle of the planar capstan robot from its motors")
     add_recording(parser)
     parser.add_argument(
         "--acceleration", metavar="WORD",
@@ -131,7 +144,7 @@ def _calibrate(options: argparse.Namespace) -> int:
     options.out = None  # a line has no figure of its own
     errors = options.errors
     if errors is not None and len(errors) == 1:
-        errors = errors * len(options.volts)
+        errors = errors[0]
     found = calibrate_line(options.volts, options.force, errors_n=errors)
     values = {f.name: getattr(found, f.name) for f in dataclasses.fields(found)}
     return say(options, "calibration", found, values)

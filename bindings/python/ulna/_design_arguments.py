@@ -94,6 +94,19 @@ def amplitudes(value: Any, axes: tuple[str, ...], factor: float, name: str) -> n
     return values
 
 
+_MOST = {"m": 2.0, "rad": 10.0}  # further than a hand or a joint goes
+
+
+def within_reach(values: Any, si: str, name: str) -> None:
+    """Refuse a motion that only another unit can mean."""
+    most = np.max(values)
+    if most > _MOST.get(si, np.inf):
+        unit = {"m": "mm", "rad": "deg"}[si]
+        raise refuse(
+            f"{name} is {most:g} {si}, further than an arm goes: give {si}, or unit={unit!r}", name
+        )
+
+
 def usual(table: Mapping[str, float], si: str, name: str) -> float:
     if si not in table:
         raise refuse(f"give the {name} in {si}: there is no usual one", name)

@@ -195,6 +195,11 @@ def structs_of(design: Design, arm: Any, robot: Robot | None, noise: Noise | Non
     expected = arm_of(arm)
     if expected.n != design.n:
         raise refuse(f"the design has {design.n} axes and the arm {expected.n}", "arm")
+    for value, kind, name in ((robot, Robot, "robot"), (noise, Noise, "noise")):
+        if value is not None and not isinstance(value, kind):
+            raise refuse(
+                f"{name} must be an ulna.design.{kind.__name__}, not {type(value).__name__}", name
+            )
     matrices = (robot or Robot())._matrices(design.kind, design.n)
     noise = noise or Noise()
     low, high = pair(noise.tremor_band_hz, "tremor_band_hz")

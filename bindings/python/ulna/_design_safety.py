@@ -125,8 +125,8 @@ def _safety_summary(safety: SafetyCheck) -> str:
 
     design = safety.design
     vector = ("vector",) if design.n > 1 else ()
-    heads = [*design.axes, *vector, "limit", "scale up to"]
-    width = max(11, 2 + max(map(len, heads[:-1])))  # 75 columns for two axes
+    heads = [*design.axes, *vector, "limit", "scale to"]
+    width = max(11, 2 + max(map(len, heads)))  # 75 columns for two axes
     lines = [
         "Peaks with the tremor's part",
         f"{'':<20}" + "".join(f"{head:>{width}}" for head in heads),

@@ -194,7 +194,7 @@ def _beside(estimate: TransferFunctionEstimate, ax: Any) -> None:
     vaf = f"VAF {estimate.vaf:.1f} %"
     if np.isfinite(estimate.vaf_held_out):
         vaf += f", {estimate.vaf_held_out:.1f} % of held-out rows"
-    orders = f"{len(estimate.den) - 1} poles"
+    orders = f"{len(estimate.den) - 1} pole{'' if len(estimate.den) == 2 else 's'}"
     if estimate.inputs == 1:
         orders += f", {len(estimate.num) - 1} zero{'' if len(estimate.num) == 2 else 's'}"
     ax.set_title(f"{estimate.output_name} from {', '.join(estimate.input_names)}: {orders}; {vaf}")

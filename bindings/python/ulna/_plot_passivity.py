@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ._figure import BLUE, GREY, INK, ORANGE, WIDTH_IN, axes_grid
+from ._figure import BLUE, GREY, INK, ORANGE, WIDTH_IN, axes_grid, style
 from .record import refuse
 
 _POINTS = 1200
@@ -102,6 +102,7 @@ def _titled(name: str, value: float) -> str:
     return f"{name}: {value:.4g}"
 
 
+@style()
 def port_indices(found: Any, axes: Any = None) -> np.ndarray:
     """Nyquist plot and the three indices over frequency of `ulna.passivity.PortIndices`; 2 x 2 axes.
 
@@ -131,6 +132,7 @@ def port_indices(found: Any, axes: Any = None) -> np.ndarray:
     return grid
 
 
+@style()
 def two_port(found: Any, axes: Any = None) -> np.ndarray:
     """Margin and tolerable shortage over frequency of `ulna.passivity.TwoPortStability`; 1 x 2 axes."""
     grid = axes_grid(axes, 1, 2, (WIDTH_IN, 2.8))
@@ -150,6 +152,7 @@ def two_port(found: Any, axes: Any = None) -> np.ndarray:
     return grid
 
 
+@style()
 def allowed(found: Any, ax: Any = None) -> Any:
     """Allowed gain or stiffness over delay of `ulna.teleoperation.Allowed`."""
     ax = axes_grid(ax, 1, 1, (WIDTH_IN * 0.7, 3.0))[0, 0]

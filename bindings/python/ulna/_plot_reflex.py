@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ._figure import AMBER, BLUE, GREEN, GREY, INK, ORANGE, SKY, WIDTH_IN, axes_grid
+from ._figure import AMBER, BLUE, GREEN, GREY, INK, ORANGE, SKY, WIDTH_IN, axes_grid, style
 from .record import refuse
 
 _POINTS = 2500  # a line; more do not show on a page
@@ -30,6 +30,7 @@ def _time_span(s: Any, rows: np.ndarray) -> str:
     return "held-out data" if np.all(s.use[rows] == 2) else "prepared data"
 
 
+@style()
 def reflex(
     estimate: Any,
     axes: Any = None,
@@ -76,8 +77,8 @@ def _torques(
     top.plot(time, about_mean(s.torque), color=GREY, lw=1.6, label="measured")
     top.plot(time, about_mean(s.intrinsic + s.reflex), color=BLUE, lw=1.1, label="both paths")
     vaf = estimate.vaf if np.isfinite(estimate.vaf) else estimate.vaf_train
-    part = "held out" if np.isfinite(estimate.vaf) else "data of the fit"
-    top.set_title(f"Torque, {_time_span(s, rows)}: VAF {vaf:.1f} % ({part})")
+    part = "" if np.isfinite(estimate.vaf) else " of the data of the fit"
+    top.set_title(f"Torque, {_time_span(s, rows)}: VAF {vaf:.1f} %{part}")
     below.plot(time, about_mean(s.intrinsic), color=GREEN, lw=1.1, label="intrinsic")
     below.plot(time, about_mean(s.reflex), color=ORANGE, lw=1.4, label="reflex")
     without = estimate.vaf_without if np.isfinite(estimate.vaf) else estimate.vaf_train_without
@@ -154,6 +155,7 @@ def _element(estimate: Any, time: np.ndarray) -> np.ndarray:
     return estimate.gain * np.where(time >= estimate.delay_s, shape, 0.0)
 
 
+@style()
 def delay_profile(estimate: Any, ax: Any = None) -> Any:
     """Quality of the best fit at each delay, with the delay's 95 % interval."""
     ax = axes_grid(None if ax is None else [ax], 1, 1, (WIDTH_IN / 1.6, 2.6))[0, 0]
@@ -174,6 +176,7 @@ def delay_profile(estimate: Any, ax: Any = None) -> Any:
     return ax
 
 
+@style()
 def windows(comparison: Any, axes: Any = None) -> np.ndarray:
     """Damping and stiffness in the window and after it, entry by entry, with 95 % intervals."""
     n = comparison.n
@@ -216,6 +219,7 @@ def windows(comparison: Any, axes: Any = None) -> np.ndarray:
     return grid
 
 
+@style()
 def joint(impedance: Any, axes: Any = None) -> np.ndarray:
     """A planar arm at its posture, and what its joint stiffness is made of."""
     if impedance.at != "joints" or impedance.arm is None:

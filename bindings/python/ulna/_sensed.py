@@ -141,6 +141,8 @@ class SensedForce:
         estimate : ImpedanceEstimate
             From `record`, whatever the options.
         """
+        if not hasattr(estimate, "K"):
+            raise refuse("estimate must be an ulna.ImpedanceEstimate from this record", "estimate")
         out = ffi.new("ulna_force_budget **")
         long_call(
             lib.ulna_force_budget_new,

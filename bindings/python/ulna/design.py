@@ -32,6 +32,7 @@ from ._design_arguments import (
     span,
     usual,
     whole,
+    within_reach,
 )
 from ._design_assumed import Arm, Limits, Noise, Robot, structs_of
 from ._design_plan import Comparison, Plan, compare, plan
@@ -556,6 +557,7 @@ def multisine(
         if given is None
         else amplitudes(given, names, factor, name)
     )
+    within_reach(size, si, name)
     low, high = pair(band_hz, "band_hz")
     table = None
     if lines_hz is not None:
@@ -650,6 +652,7 @@ def steps(
     given = (
         usual(_USUAL_STEP, si, "size") if size is None else number(size, "size", above=0.0) * factor
     )
+    within_reach(given, si, "size")
     vectors, count = None, 0
     if directions is None or isinstance(directions, int | np.integer):
         count = 0 if directions is None else whole(directions, "directions")
@@ -732,6 +735,7 @@ def random_binary(
         if amplitude is None
         else amplitudes(amplitude, names, factor, "amplitude")
     )
+    within_reach(size, si, "amplitude")
     seed = whole(seed, "seed", least=0)
     chosen = options(
         "ulna_binary_options",

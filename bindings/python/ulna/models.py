@@ -658,6 +658,8 @@ def select_order(
         raise refuse(
             f"one output is identified at a time, got {', '.join(signals.output_names)}", "output"
         )
+    poles, delay_s = np.atleast_1d(poles).tolist(), np.atleast_1d(delay_s).tolist()
+    zeros = None if zeros is None else np.atleast_1d(zeros).tolist()
     grid = options(
         "ulna_order_grid",
         poles=_whole(poles, "poles"),

@@ -258,6 +258,12 @@ def assess(
     >>> ulna.passivity(est).verdict
     'passive'
     """
+    if not hasattr(estimate, "K"):
+        raise ArgumentError(
+            "estimate must be an ulna.ImpedanceEstimate; for a system use ulna.passivity.indices",
+            status="ULNA_ERROR_ARGUMENT",
+            argument="estimate",
+        )
     if getattr(estimate, "_handle", None) is None or getattr(estimate, "_fit", 0) != 0:
         raise ArgumentError(
             "estimate must be what ulna.identify_impedance returned; for matrices use "

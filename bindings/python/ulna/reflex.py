@@ -55,6 +55,7 @@ _ESTIMATORS = {
 _REFIT = {None: lib.ULNA_REFIT_AUTO, True: lib.ULNA_REFIT_YES, False: lib.ULNA_REFIT_NO}
 # Most serious first: the outcome is the first that holds.
 _REFLEX_OUTCOMES = {
+    "suspect_data": lib.ULNA_REFLEX_SUSPECT_DATA,
     "not_significant": lib.ULNA_REFLEX_NOT_SIGNIFICANT,
     "not_converged": lib.ULNA_REFLEX_NOT_CONVERGED,
     "poor_fit": lib.ULNA_REFLEX_POOR_FIT,
@@ -63,6 +64,7 @@ _REFLEX_OUTCOMES = {
     "untested": lib.ULNA_REFLEX_UNTESTED,
 }
 _DELAYED_OUTCOMES = {
+    "suspect_data": lib.ULNA_DELAYED_SUSPECT_DATA,
     "not_significant": lib.ULNA_DELAYED_NOT_SIGNIFICANT,
     "ill_conditioned": lib.ULNA_DELAYED_ILL_CONDITIONED,
     "delay_at_bound": lib.ULNA_DELAYED_AT_BOUND,
@@ -204,7 +206,7 @@ class ReflexEstimate:
     powers, powers_se : ndarray
         Coefficients of the square, cube, ... of the position about `position_mean`.
     outcome : str
-        "good", or what to look at first: "not_significant", "not_converged", "poor_fit",
+        "good", or what to look at first: "suspect_data" (negative inertia), "not_significant", "not_converged", "poor_fit",
         "delay_at_bound", "dynamics_at_bound" or "untested".
     warnings, notes, provenance : tuple of str
     """
@@ -616,7 +618,7 @@ class DelayedFeedback:
     profile_delay_s, profile_statistic : ndarray
         Chi-square of one degree of each delay against the best.
     outcome : str
-        "good", "not_significant", "ill_conditioned", "delay_at_bound" (its interval reaches the end
+        "good", "suspect_data" (negative inertia), "not_significant", "ill_conditioned", "delay_at_bound" (its interval reaches the end
         of the range), "poor_fit" or "untested".
     """
 

@@ -800,7 +800,7 @@ def calibrate_line(
     Parameters
     ----------
     volts, forces_n : array_like, shape (n,)
-    errors_n : array_like, shape (n,), optional
+    errors_n : float or array_like, shape (n,), optional
         Standard deviation of every force.
     relative : bool
         The errors are weights only; the scatter of the points gives the scale.
@@ -813,6 +813,8 @@ def calibrate_line(
     <CalibrationLine: -8.53 ± 0.01 N/V, 0.56 ± 0.014 N, R² 1.0000>
     """
     raw = result("ulna_gauge_line")
+    if errors_n is not None and np.ndim(errors_n) == 0:
+        errors_n = np.full(np.size(volts), errors_n)
     errors = ffi.NULL if errors_n is None else view(np.asarray(errors_n))
     check(
         lib.ulna_gauge_calibrate(

@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from math import pi
+from os import PathLike
 from typing import Any, Literal
 
 import numpy as np
@@ -396,7 +397,7 @@ def simulate(
     ----------
     arm : Arm
     reference : design or array_like, shape (rows, n)
-        A design of `ulna.design`, its table as `ulna.read` reads it, or anything with `reference`,
+        A design of `ulna.design`, its table as `ulna.read` reads it or the file's path, or anything with `reference`,
         `rate_hz`, `kind` and `segments`; or an array: positions relative to the centre (m) or, with
         force control, forces of the robot on the human (N). A design along x or y alone leaves the
         other axis of the arm at 0.
@@ -594,6 +595,10 @@ class _Plan:
 
 
 def _plan(reference: Any, rate_hz: float | None, segments: Any, n: int) -> _Plan:
+    if isinstance(reference, str | PathLike):
+        from .io import read
+
+        reference = read(reference)
     if isinstance(reference, Record):
         reference = _Table(reference)
     given = hasattr(reference, "reference") and hasattr(reference, "rate_hz")

@@ -202,6 +202,8 @@ def identify_robot(
         When the motion does not tell the parameters apart; the message names them.
     """
     body = robot if robot is not None else PlanarRobot()
+    if not isinstance(body, PlanarRobot):
+        raise refuse("robot must be an ulna.plant.PlanarRobot", "robot")
     if estimator not in _ESTIMATORS:
         raise refuse(
             f"estimator is {estimator!r}; it must be one of {', '.join(_ESTIMATORS)}", "estimator"
@@ -400,6 +402,8 @@ def sense(
             parameter_cov = robot.cov[:count, :count]
         robot = robot.robot
     body = robot if robot is not None else PlanarRobot()
+    if not isinstance(body, PlanarRobot):
+        raise refuse("robot must be an ulna.plant.PlanarRobot or a RobotEstimate", "robot")
     struct = options(
         "ulna_virtual_options",
         angle=words(angle),

@@ -32,6 +32,8 @@ extern "C" {
 #define ULNA_REFLEX_NOT_CONVERGED (16)
 /** Outcome bit: too few blocks for a test. @since 0.1 */
 #define ULNA_REFLEX_UNTESTED (32)
+/** The inertia is negative: the torque has the wrong sign, or another unit. @since 0.1 */
+#define ULNA_REFLEX_SUSPECT_DATA (64)
 
 /** M, B, K, gain, omega, zeta, delay: 7 values; zeta is NaN for order 1. @since 0.1 */
 #define ULNA_REFLEX_PARAMETERS (0)
@@ -83,6 +85,8 @@ extern "C" {
 #define ULNA_DELAYED_POOR_FIT (8)
 /** Outcome bit: too few blocks for a test. @since 0.1 */
 #define ULNA_DELAYED_UNTESTED (16)
+/** The inertia is negative: the force has the wrong sign, or other axes. @since 0.1 */
+#define ULNA_DELAYED_SUSPECT_DATA (32)
 
 /** M, B, K, K_d, B_d row by row, x0, delay: 5 n^2 + n + 1 values. @since 0.1 */
 #define ULNA_DELAYED_PARAMETERS (0)
