@@ -260,7 +260,7 @@ def test_words_and_figures():
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             drawn = np.atleast_1d(found.plot())
-        assert all(ax.get_title() and ax.get_xlabel() and ax.get_ylabel() for ax in drawn.ravel())
+        assert all(ax.get_title(loc="left") and ax.get_xlabel() and ax.get_ylabel() for ax in drawn.ravel())
         matplotlib.pyplot.close("all")
     with pytest.raises(ulna.ArgumentError, match="2 x 2"):
         passivity.indices(2.0).plot(matplotlib.pyplot.figure().subplots())
