@@ -223,6 +223,7 @@ def interrupt():
     os.kill(os.getpid(), getattr(signal, sys.argv[1]))
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
     threading.Thread(target=interrupt).start()
     unit = ulna.Uniform(0, 1)
     try:

@@ -1,5 +1,7 @@
 #include "record/csv.hpp"
 
+#include <unistd.h>
+
 #include <bit>
 #include <cmath>
 #include <filesystem>
@@ -197,7 +199,10 @@ TEST(Csv, FilesThatCannotBeRead) {
 
 class Written : public ::testing::Test {
  protected:
-  std::string path = ::testing::TempDir() + "ulna_written.csv";
+  // Of its own for each test: they run at the same time.
+  std::string path = ::testing::TempDir() + "ulna_written_" +
+                     ::testing::UnitTest::GetInstance()->current_test_info()->name() + "_" +
+                     std::to_string(::getpid()) + ".csv";
   void TearDown() override { std::filesystem::remove(path); }
 };
 
