@@ -55,10 +55,12 @@ def add_recording(parser: argparse.ArgumentParser) -> None:
     """The arguments that name a recording; `read_recording` reads it."""
     parser.add_argument(
         "file", metavar="FILE", nargs="+",
-        help="recording: CSV, TSV, MAT, NPZ or HDF5; several files are trials",
+        help="recording: CSV, TSV, MAT, NPZ or HDF5; several files, or a folder, are trials",
     )  # fmt: skip
     parser.add_argument("--map", metavar="MAP", help="TOML file that names columns and units")
-    parser.add_argument("--split", action="store_true", help="start a new trial after gaps")
+    parser.add_argument(
+        "--split", action="store_true", help="start a new trial after gaps and missing values"
+    )
     parser.add_argument(
         "--regularise", action="store_true", help="put jittering time stamps on an even clock"
     )
@@ -69,7 +71,7 @@ def read_recording(options: argparse.Namespace) -> Any:
     import ulna
 
     record = options.record = ulna.read(options.file, map=options.map)
-    if options.split:
+    if options.split:  # before the clock is made even, which gaps forbid
         record = options.record = record.split()
     if options.regularise:
         record = options.record = record.regularise()
@@ -80,6 +82,13 @@ def add_results(parser: argparse.ArgumentParser, what: str) -> None:
     """``--out`` and ``--json``; `say` serves them."""
     parser.add_argument("--out", metavar="DIR", help=f"write {what}")
     parser.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
+
+
+def check_out(options: argparse.Namespace) -> None:
+    """Refuse before the work what ``--out`` cannot do after it."""
+    if options.out is not None:
+        require_matplotlib()
+        check_folder(Path(options.out))
 
 
 def say(options: argparse.Namespace, name: str, found: Any, values: dict[str, Any]) -> int:

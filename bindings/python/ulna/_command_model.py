@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,9 +13,9 @@ from ._command import (
     add_command,
     add_recording,
     add_results,
-    check_folder,
+    check_out,
     not_negative,
-    require_matplotlib,
+    read_recording,
     say,
     whole_numbers,
 )
@@ -78,9 +77,7 @@ def delays(text: str) -> list[float]:
 def _run(options: argparse.Namespace) -> int:
     from . import models
 
-    if options.out is not None:
-        require_matplotlib()
-        check_folder(Path(options.out))
+    check_out(options)
     names = options.input.split(",")
     shared = {
         "input": names if len(names) > 1 else names[0],
@@ -88,7 +85,7 @@ def _run(options: argparse.Namespace) -> int:
         "method": options.method,
         "hold": options.hold,
     }
-    record = read(options)
+    record = _read(options)
     one = len(options.poles) == len(options.delay) == 1 and len(options.zeros or [0]) == 1
     selection = None
     if one:
@@ -107,10 +104,8 @@ def _run(options: argparse.Namespace) -> int:
     return say(options, "model", found, _values(found, selection))
 
 
-def read(options: argparse.Namespace) -> Any:
+def _read(options: argparse.Namespace) -> Any:
     """The record, with its channels named when one is missing."""
-    from ._command import read_recording
-
     record = read_recording(options)
     held = [channel.name for channel in record.channels]
     for name in [*options.input.split(","), options.output]:

@@ -14,11 +14,10 @@ from ._command import (
     Usage,
     add_command,
     add_results,
-    check_folder,
+    check_out,
     number,
     numbers,
     pair,
-    require_matplotlib,
     say,
 )
 
@@ -64,9 +63,7 @@ def add_to(commands: Any) -> None:
 def _run(options: argparse.Namespace) -> int:
     import ulna
 
-    if options.out is not None:
-        require_matplotlib()
-        check_folder(Path(options.out))
+    check_out(options)
     system = _system(options)
     if not options.two_port and (options.shortage != 0 or options.port is not None):
         raise Usage("--shortage and --port belong to --two-port")

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import argparse
-import json
-from pathlib import Path
 from typing import Any
 
 from ._command import (
-    OK,
     add_command,
-    check_folder,
+    add_recording,
+    add_results,
+    check_out,
     count,
     not_negative,
     odd,
     positive,
-    require_matplotlib,
+    read_recording,
+    say,
 )
 
 
@@ -42,17 +42,8 @@ def add_to(commands: Any) -> None:
         "  ulna reflex ankle.csv --lowpass 50 --intrinsic impulse-response --out report\n"
         "  ulna reflex ankle.csv --side rising --delay 20,100 --json",
     )
-    parser.add_argument(
-        "file", metavar="FILE", nargs="+",
-        help="recording of one joint: CSV, TSV, MAT, NPZ or HDF5; several files are trials",
-    )  # fmt: skip
-    parser.add_argument("--map", metavar="MAP", help="TOML file that names columns and units")
-    parser.add_argument("--split", action="store_true", help="start a new trial after gaps")
-    parser.add_argument(
-        "--regularise", action="store_true", help="put jittering time stamps on an even clock"
-    )
-    parser.add_argument("--out", metavar="DIR", help="write result.json and the figure")
-    parser.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
+    add_recording(parser)
+    add_results(parser, "result.json and the figure")
     model = parser.add_argument_group("model")
     model.add_argument(
         "--intrinsic", choices=("second-order", "impulse-response"), default="second-order",
@@ -92,16 +83,9 @@ def add_to(commands: Any) -> None:
 def _run(options: argparse.Namespace) -> int:
     import ulna
 
-    if options.out is not None:
-        require_matplotlib()
-        check_folder(Path(options.out))
-    record = options.record = ulna.read(options.file, map=options.map)
-    if options.split:
-        record = options.record = record.split()
-    if options.regularise:
-        record = options.record = record.regularise()
+    check_out(options)
     estimate = ulna.identify_reflex(
-        record,
+        read_recording(options),
         intrinsic=options.intrinsic,
         side=options.side,
         order=options.order,
@@ -113,36 +97,12 @@ def _run(options: argparse.Namespace) -> int:
         train_s=options.train,
         seed=options.seed,
     )
-    found = json.dumps(result(estimate, source=options.file), indent=2, allow_nan=False)
-    if options.out is not None:
-        _write(estimate, Path(options.out), found)
-    if options.json:
-        print(found)
-        return OK
-    print(estimate.summary())
-    if options.out is not None:
-        print(f"\nfigure: {Path(options.out) / 'reflex.png'}")
-    return OK
-
-
-def _write(estimate: Any, folder: Path, text: str) -> None:
-    import matplotlib
-
-    from . import plot
-
-    matplotlib.use("Agg")  # a command opens no window
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "result.json").write_text(text + "\n", encoding="utf-8")
-    with plot.style():
-        axes = estimate.plot()
-        for ending in ("png", "svg"):
-            axes[0].figure.savefig(folder / f"reflex.{ending}")
+    return say(options, "reflex", estimate, result(estimate, source=options.file))
 
 
 def result(estimate: Any, *, source: Any = None) -> dict[str, Any]:
     """Everything of a reflex estimate that fits in a JSON object."""
-    from . import __version__
-    from ._result import plain, record_information
+    from ._result import record_information
 
     names = ("M", "B", "K", "gain", "omega", "zeta", "delay")
     out: dict[str, Any] = {name: estimate.value(name) for name in names}
@@ -159,7 +119,6 @@ def result(estimate: Any, *, source: Any = None) -> dict[str, Any]:
     ):  # fmt: skip
         out[name] = getattr(estimate, name)
     out["record"] = {"source": source, **record_information(estimate.record)}
-    out["ulna"] = __version__
     if not isinstance(source, (str, type(None))) and len(source) == 1:
         out["record"]["source"] = source[0]
-    return plain(out)
+    return out

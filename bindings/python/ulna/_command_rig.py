@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-from pathlib import Path
 from typing import Any
 
 from ._command import (
@@ -13,12 +12,11 @@ from ._command import (
     add_command,
     add_recording,
     add_results,
-    check_folder,
+    check_out,
     not_negative,
     numbers,
     positive,
     read_recording,
-    require_matplotlib,
     say,
 )
 
@@ -119,7 +117,7 @@ def _add_force(tools: Any) -> None:
 def _springs(options: argparse.Namespace) -> int:
     from .rig import SpringArray
 
-    _early(options)
+    check_out(options)
     array = SpringArray.on_frame(options.rates, rest_m=options.rest)
     found = array.equilibrium()
     values = {f.name: getattr(found, f.name) for f in dataclasses.fields(found)}
@@ -129,7 +127,7 @@ def _springs(options: argparse.Namespace) -> int:
 def _check(options: argparse.Namespace) -> int:
     from .rig import cross_check
 
-    _early(options)
+    check_out(options)
     found = cross_check(read_recording(options), acceleration=options.acceleration)
     traces = {"time", "accelerometer", "encoder"}
     values = {
@@ -172,9 +170,3 @@ def _force(options: argparse.Namespace) -> int:
     print(sensed.summary())
     print(f"\nrecord: {options.to}")
     return OK
-
-
-def _early(options: argparse.Namespace) -> None:
-    if options.out is not None:
-        require_matplotlib()
-        check_folder(Path(options.out))

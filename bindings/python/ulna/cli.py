@@ -26,13 +26,15 @@ from ._command import (
     Parser,
     Usage,
     add_command,
-    check_folder,
+    add_recording,
+    add_results,
+    check_out,
     count,
     not_negative,
     odd,
     pair,
     positive,
-    require_matplotlib,
+    read_recording,
 )
 
 
@@ -173,19 +175,8 @@ def _add_assess(commands: Any) -> None:
         "  ulna assess first.csv second.csv --split --out report\n"
         "  ulna assess ankle.csv --lowpass 50 --train 40 --json",
     )
-    parser.add_argument(
-        "file", metavar="FILE", nargs="+",
-        help="recording: CSV, TSV, MAT, NPZ or HDF5; several files, or a folder, are trials",
-    )  # fmt: skip
-    parser.add_argument("--map", metavar="MAP", help="TOML file that names columns and units")
-    parser.add_argument(
-        "--split", action="store_true", help="start a new trial after gaps and missing values"
-    )
-    parser.add_argument(
-        "--regularise", action="store_true", help="put jittering time stamps on an even clock"
-    )
-    parser.add_argument("--out", metavar="DIR", help="write report.html, result.json and figures")
-    parser.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
+    add_recording(parser)
+    add_results(parser, "report.html, result.json and figures")
     model = parser.add_argument_group("model")
     model.add_argument(
         "--model", choices=("free", "symmetric", "passive"), default="free",
@@ -248,14 +239,8 @@ def _assess(options: argparse.Namespace) -> int:
 
     if options.bootstrap is not None and options.errors == "newey-west":
         raise Usage("--bootstrap N needs --errors bootstrap: leave out --errors newey-west")
-    if options.out is not None:
-        require_matplotlib()
-        check_folder(Path(options.out))
-    record = options.record = ulna.read(options.file, map=options.map)
-    if options.split:  # before the clock is made even, which gaps forbid
-        record = options.record = record.split()
-    if options.regularise:
-        record = options.record = record.regularise()
+    check_out(options)
+    record = read_recording(options)
     counts = {} if options.bootstrap is None else {"bootstrap": options.bootstrap}
     estimate = ulna.identify_impedance(
         record,

@@ -699,8 +699,7 @@ class Study:
             seed=seed,
             dummy=dummy,
         )
-        running = {name: options.pop(name) for name in _RUNNING if name in options}
-        runs = self.run(design, on_failure=on_failure, **running)
+        runs = self._run_taking(design, on_failure, options)
         return runs.screen(on_failure=on_failure, seed=seed, **options)
 
     def sobol(
@@ -745,9 +744,13 @@ class Study:
             seed=seed,
             dummy=dummy,
         )
-        running = {name: options.pop(name) for name in _RUNNING if name in options}
-        runs = self.run(design, on_failure=on_failure, **running)
+        runs = self._run_taking(design, on_failure, options)
         return runs.sobol(on_failure=on_failure, seed=seed, **options)
+
+    def _run_taking(self, design: Any, on_failure: str, options: dict[str, Any]) -> Runs:
+        """Run a design with the options of `run`, which are taken out of `options`."""
+        running = {name: options.pop(name) for name in _RUNNING if name in options}
+        return self.run(design, on_failure=on_failure, **running)
 
     def sample(
         self,
