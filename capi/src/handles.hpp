@@ -18,6 +18,7 @@
 #include "impedance/plan.hpp"
 #include "impedance/reflex.hpp"
 #include "impedance/safety.hpp"
+#include "impedance/viscoelastic.hpp"
 #include "impedance/window.hpp"
 #include "passivity/verdict.hpp"
 #include "plant/exo_plant.hpp"
@@ -25,6 +26,7 @@
 #include "record/csv.hpp"
 #include "signal/excitation.hpp"
 #include "signal/system.hpp"
+#include "sim/mobilisation.hpp"
 #include "study/indices.hpp"
 #include "study/journal.hpp"
 #include "study/sampling.hpp"
@@ -131,6 +133,14 @@ struct ulna_plant {
 
 struct ulna_run {
   ulna::EngineRun run;
+};
+
+struct ulna_mobilisation {
+  ulna::sim::Mobilisation mobilisation;
+};
+
+struct ulna_viscoelastic {
+  std::vector<ulna::Viscoelasticity> joints;
 };
 
 namespace ulna::capi {

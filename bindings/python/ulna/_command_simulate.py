@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from . import _command_assessment
 from ._command import OK, Usage, add_command, not_negative
 
 _TABLES = ("3.2", "3.4", "4.1", "4.2", "5.6")
@@ -20,7 +21,8 @@ def add_to(commands: Any) -> None:
         summary="simulate an experiment and write its log",
         examples="  ulna simulate arm --design design.csv --out log.csv\n"
         "  ulna simulate rigid --design force-steps.csv --out log.csv --tremor 0.3\n"
-        "  ulna simulate springs --design design.csv --out log.csv --mass 1.031",
+        "  ulna simulate springs --design design.csv --out log.csv --mass 1.031\n"
+        "  ulna simulate assessment --out log.csv",
     )
     kinds = parser.add_subparsers(dest="kind", metavar="KIND", required=True)
     arm = _add_kind(
@@ -49,6 +51,7 @@ def add_to(commands: Any) -> None:
     springs.add_argument(
         "--mass", type=not_negative, default=0.539, metavar="KG", help="payload (default: 0.539)"
     )
+    _command_assessment.add_to(kinds)
 
 
 def _add_kind(kinds: Any, name: str, summary: str, examples: str) -> argparse.ArgumentParser:

@@ -1,4 +1,5 @@
-"""The exoskeleton and the arm in it: scenes, their nominal model, runs, and isometric elbow torque.
+"""The exoskeleton and the arm in it: scenes, their nominal model, runs, isometric elbow torque, and
+the assessment of an arm by passive mobilisation.
 
 World: x forward, y left, z up; the origin is the device's shoulder centre. Angles rad, torques N m,
 positions m, excitation and activation 0 to 1. A torque is positive that turns its joint towards
@@ -31,17 +32,33 @@ from ._call import (
     text,
     view,
 )
+from ._exo_assessment import (
+    Assessment,
+    Protocol,
+    Viscoelasticity,
+    identify_viscoelasticity,
+    mobilise,
+    muscle_impedance,
+    with_errors,
+)
 
 __all__ = [
+    "Assessment",
     "ElbowTorque",
     "Plant",
+    "Protocol",
     "Run",
+    "Viscoelasticity",
     "exoskeleton",
     "fit_elbow_muscles",
+    "identify_viscoelasticity",
     "isometric_torque",
     "measured_torque",
+    "mobilise",
+    "muscle_impedance",
     "read_device",
     "read_scene",
+    "with_errors",
 ]
 
 Array = NDArray[np.float64]

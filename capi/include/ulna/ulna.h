@@ -3,6 +3,7 @@
 #ifndef ULNA_ULNA_H
 #define ULNA_ULNA_H
 
+#include <ulna/assessment.h>
 #include <ulna/base.h>
 #include <ulna/design.h>
 #include <ulna/exo.h>

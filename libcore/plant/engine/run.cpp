@@ -154,13 +154,56 @@ void EngineRun::forward() {
 void EngineRun::step(Index steps) {
   require(steps >= 0, "steps", "steps must not be negative");
   check_inputs();
-  const mjModel* m = model_.raw();
-  mjData* d = data_.get();
   for (Index i = 0; i < steps; ++i) {
-    enter([m, d] { mj_step(m, d); });
+    coupling_ == nullptr ? advance() : advance_coupled();
     check_state();
     check_muscles();
   }
+}
+
+void EngineRun::advance() {
+  const mjModel* m = model_.raw();
+  mjData* d = data_.get();
+  enter([m, d] { mj_step(m, d); });
+}
+
+// What mj_step does, with a pause before the forces are final.
+void EngineRun::advance_coupled() {
+  const mjModel* m = model_.raw();
+  mjData* d = data_.get();
+  const Vector outside = applied();
+  applied() += coupling_force_;
+  enter([m, d] {
+    mj_checkPos(m, d);
+    mj_checkVel(m, d);
+    mj_forward(m, d);
+  });
+  check_state();
+  coupling_force_ = coupling_->force(*this, coupling_force_);
+  applied() = outside + coupling_force_;
+  enter([m, d] {
+    mj_forwardSkip(m, d, mjSTAGE_VEL, 1);
+    mj_checkAcc(m, d);
+    mj_Euler(m, d);
+  });
+  applied() = outside;
+}
+
+void EngineRun::couple(std::unique_ptr<StepCoupling> coupling) {
+  coupling_ = std::move(coupling);
+  coupling_force_ = Vector::Zero(model_.velocities());
+}
+
+Vector EngineRun::net_force() const {
+  return In(data_->qfrc_smooth, model_.velocities()) + constraint_force();
+}
+
+Matrix EngineRun::point_jacobian(Index body, const Vector3& point) const {
+  using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  Rows jacobian(6, model_.velocities());
+  mj_jac(model_.raw(), data_.get(), jacobian.data(), jacobian.row(3).data(), point.data(),
+         static_cast<int>(body));
+  return jacobian;
 }
 
 Vector EngineRun::inverse(const VectorRef& acceleration) {

@@ -13,6 +13,19 @@ namespace ulna {
 using Vector3 = Eigen::Vector3d;
 using Matrix3 = Eigen::Matrix3d;
 
+class EngineRun;
+
+// Forces that depend on the step they act in, so that stiff springs can be taken at its end: what
+// holds a limb in a device. One coupling belongs to one run.
+class StepCoupling {
+ public:
+  virtual ~StepCoupling() = default;
+
+  // Force on each degree of freedom for the coming step. `run` stands at its beginning, with
+  // net_force() of everything else; `before` is the force that is in it already.
+  virtual Vector force(EngineRun& run, const VectorRef& before) = 0;
+};
+
 class EngineRun {
  public:
   using Out = Eigen::Map<Vector>;
@@ -43,6 +56,12 @@ class EngineRun {
   // not finite, kInternal for the engine's own faults.
   void step(Index steps = 1);
 
+  // From now on each step asks the coupling for its force. Forces of couplings are counted among
+  // those applied, and are not part of applied(). NULL: none.
+  void couple(std::unique_ptr<StepCoupling> coupling);
+  StepCoupling* coupling() const noexcept { return coupling_.get(); }
+  const Vector& coupling_force() const noexcept { return coupling_force_; }  // of the last step
+
   // Force on each degree of freedom that the engine needs for an acceleration at the present state:
   // M a + c - passive - constraint forces. Leaves the state as it is.
   Vector inverse(const VectorRef& acceleration);
@@ -58,6 +77,11 @@ class EngineRun {
   In actuator_length() const;      // m or rad
   Matrix actuator_moment() const;  // actuators x degrees of freedom: d length / d position
   Matrix inertia() const;          // M(q)
+  // All forces on each degree of freedom but inertia, the applied ones included.
+  Vector net_force() const;
+  // Velocity of a point of a body (world, m), then its rate of turning, in world axes for the rates
+  // of all degrees of freedom: 6 x degrees of freedom.
+  Matrix point_jacobian(Index body, const Vector3& point) const;
   double potential_energy() const;  // of weight, not of springs, J
   double kinetic_energy() const;    // J
   Index contacts() const;
@@ -74,6 +98,8 @@ class EngineRun {
  private:
   template <class Call>
   void enter(Call call);
+  void advance();
+  void advance_coupled();
   void check_usable() const;
   void check_inputs();
   void check_state();
@@ -83,6 +109,8 @@ class EngineRun {
   EngineModel model_;
   std::unique_ptr<mjData_, void (*)(mjData_*)> data_;
   std::string fault_;
+  std::unique_ptr<StepCoupling> coupling_;
+  Vector coupling_force_;
 };
 
 }  // namespace ulna

@@ -1,0 +1,127 @@
+"""``ulna simulate assessment``: an exoskeleton moves an arm and says how stiff it is."""
+
+from __future__ import annotations
+
+import argparse
+import inspect
+import json
+import math
+import tomllib
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
+from ._command import OK, Usage, add_command, not_negative
+
+# Status of the command for a run that did not end as ok: the description was sound.
+FAILED = 1
+
+
+def add_to(kinds: Any) -> None:
+    """Add the kind ``assessment`` to ``ulna simulate``."""
+    parser = add_command(
+        kinds,
+        "assessment",
+        summary="passive mobilisation of an arm by an exoskeleton, and its stiffness",
+        examples="  ulna simulate assessment --out log.csv\n"
+        "  ulna simulate assessment --scene scene.toml --balanced --noise 0.1 --out log.csv\n"
+        "  ulna assess log.csv",
+    )
+    parser.add_argument(
+        "--scene", metavar="TOML",
+        help="[scene]: settings of ulna.exo.exoskeleton, [protocol]: of ulna.exo.Protocol, "
+        "[[link]]: a device (default: the published device and arm)",
+    )  # fmt: skip
+    parser.add_argument("--out", metavar="CSV", help="the log")
+    parser.add_argument(
+        "--shape", choices=("logistic", "minimum_jerk", "ramp", "sinusoid"), help="of the movement"
+    )
+    parser.add_argument("--balanced", action="store_true", help="extensors balance the flexors")
+    parser.add_argument("--published", action="store_true", help="the published estimator")
+    parser.add_argument(
+        "--noise", type=not_negative, default=0.0, metavar="NM", help="rms of the torque's error"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of the error (default: 0)")
+    parser.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
+    parser.set_defaults(run=_assess)
+
+
+def _assess(options: argparse.Namespace) -> int:
+    from . import exo
+
+    if options.out is not None and Path(options.out).is_dir():
+        raise Usage(f"--out {options.out} is a folder: give the name of a file")
+    plant, protocol = _scene(options)
+    found = exo.mobilise(plant, protocol, published_estimator=options.published)
+    record, joints = found.record, found.joints
+    if record is not None and options.noise > 0:
+        record = exo.with_errors(record, plant, torque_nm=options.noise, seed=options.seed)
+        if found.status == "ok":
+            joints = exo.identify_viscoelasticity(record, plant, published=options.published)
+    if record is not None and options.out is not None:
+        record.to_csv(options.out)
+    if options.json:
+        print(json.dumps(_result(found, joints, record, options.out), indent=2, allow_nan=False))
+    else:
+        head = found.status if not found.reason else f"{found.status}: {found.reason}"
+        print(head, *(joint.summary() for joint in joints), *found.notes, sep="\n")
+        if record is not None and options.out is not None:
+            print(f"log: {options.out}")
+    return OK if found.status == "ok" else FAILED
+
+
+def _scene(options: argparse.Namespace) -> tuple[Any, Any]:
+    from . import exo
+
+    described: dict[str, Any] = {}
+    if options.scene is not None:
+        try:
+            described = tomllib.loads(Path(options.scene).read_text(encoding="utf-8"))
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as failure:
+            raise Usage(f"--scene {options.scene} is not TOML: {failure}") from failure
+    scene = _table(described, "scene", options.scene)
+    settings = _table(described, "protocol", options.scene)
+    known = set(inspect.signature(exo.exoskeleton).parameters) - {"device"}
+    _refuse_unknown(scene, known, "scene", options.scene)
+    _refuse_unknown(settings, {f.name for f in fields(exo.Protocol)}, "protocol", options.scene)
+    if options.shape is not None:
+        settings["shape"] = options.shape
+    if options.balanced:
+        settings["balanced"] = True
+    device = described if "link" in described else None
+    return exo.exoskeleton(device, **scene), exo.Protocol(**settings)
+
+
+def _table(described: dict[str, Any], name: str, path: str) -> dict[str, Any]:
+    table = described.get(name, {})
+    if not isinstance(table, dict):
+        raise Usage(f"--scene {path}: {name} must be a table, [{name}]")
+    return dict(table)
+
+
+def _refuse_unknown(table: dict[str, Any], known: set[str], name: str, path: str) -> None:
+    for key in table:
+        if key not in known:
+            raise Usage(
+                f"--scene {path}: [{name}] has {key!r}, which there is not; there are "
+                f"{', '.join(sorted(known))}"
+            )
+
+
+def _result(found: Any, joints: Any, record: Any, out: str | None) -> dict[str, Any]:
+    def plain(value: Any) -> Any:
+        if isinstance(value, float) and not math.isfinite(value):
+            return None
+        return [plain(v) for v in value] if isinstance(value, (list, tuple)) else value
+
+    return {
+        "status": found.status,
+        "reason": found.reason,
+        "joints": [{k: plain(v) for k, v in asdict(joint).items()} for joint in joints],
+        "notes": list(found.notes),
+        "simulated_s": found.simulated_s,
+        "start_s": found.start_s,
+        "largest_slip_rad": plain(found.largest_slip_rad),
+        "rows": 0 if record is None else len(record.time),
+        "log": out if record is not None else None,
+    }

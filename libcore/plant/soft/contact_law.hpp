@@ -1,0 +1,45 @@
+// Contacts of one time step as a small linear complementarity: each is a stiff pad that only
+// pushes. Everything that moves freely in between has been condensed into `mobility`, what is left
+// open are a few outer velocities (of a bone against its link, or of a plate).
+#pragma once
+
+#include <vector>
+
+#include "base/types.hpp"
+
+namespace ulna {
+
+struct ContactProblem {
+  double timestep = 0.0;
+  Vector stiffness;    // of each pad, N/m
+  Vector penetration;  // at the end of the step without contact forces, the outer bodies still, m
+  Matrix approach;     // contacts x outer velocities: d penetration / dt
+  Matrix mobility;     // contacts x contacts: -d (d penetration / dt) / d force, m/(s N)
+};
+
+class ContactLaw {
+ public:
+  // `active`: which contacts to begin with.
+  ContactLaw(ContactProblem problem, std::vector<char> active);
+
+  // Force on the outer velocities: bias - resistance x velocity, with the present active contacts.
+  void condense(Vector& bias, Matrix& resistance) const;
+  // Contact forces (N) for outer velocities; chooses the active contacts anew. True when they
+  // changed, so that the outer velocities must be solved for again.
+  bool settle(const Vector& velocity);
+
+  const Vector& force() const { return force_; }
+  const std::vector<char>& active() const { return active_; }
+
+ private:
+  void factor();
+
+  ContactProblem problem_;
+  std::vector<char> active_;
+  std::vector<Index> chosen_;
+  Matrix inverse_approach_;  // of the active ones: (1/k + dt mobility)^-1 approach
+  Vector inverse_penetration_;
+  Vector force_;
+};
+
+}  // namespace ulna
