@@ -6,9 +6,11 @@
 #include <utility>
 #include <vector>
 
+#include "arguments.hpp"
 #include "guard.hpp"
 #include "handles.hpp"
 #include "plant/engine_mobilised.hpp"
+#include "plant/soft/soft_mobilised.hpp"
 #include "record/look.hpp"
 #include "signal/finite.hpp"
 
@@ -21,44 +23,6 @@ using sim::ExcitationKind;
 using sim::MotionShape;
 using sim::Protocol;
 using sim::TorqueUpdate;
-
-bool flag(int32_t value, const char* argument) {
-  require(value == 0 || value == 1, argument, std::string(argument) + " must be 0 or 1");
-  return value == 1;
-}
-
-template <class Kind>
-Kind kind_of(int32_t value, int32_t count, const char* argument) {
-  require(value >= 0 && value < count, argument,
-          std::string(argument) + " is " + std::to_string(value) + ", it must be between 0 and " +
-              std::to_string(count - 1));
-  return static_cast<Kind>(value);
-}
-
-Vector entries(const ulna_view* view, const char* argument) {
-  const StridedMap map = map_view(view, argument);
-  require(map.cols() == 1 || map.rows() == 1, argument,
-          std::string(argument) + " must have one row or one column");
-  return Matrix(map).reshaped();
-}
-
-std::vector<std::string> name_list(const char* const* names, int64_t count, const char* argument) {
-  require(count >= 0 && (count == 0 || names != nullptr), argument,
-          std::string(argument) + " must be a list of names");
-  std::vector<std::string> list;
-  for (int64_t i = 0; names != nullptr && i < count; ++i) {
-    list.emplace_back(&deref(names[i], argument));
-  }
-  return list;
-}
-
-// 0: the default; negative: none.
-double or_none(double value, double otherwise) {
-  return value < 0.0 ? 0.0 : value == 0.0 ? otherwise : value;
-}
-
-// 0: the default; what cannot be is refused later, in words.
-double or_default(double value, double otherwise) { return value == 0.0 ? otherwise : value; }
 
 TorqueUpdate update_of(int32_t torque) {
   switch (kind_of<int>(torque, 3, "torque")) {
@@ -86,7 +50,7 @@ void read_moved(const ulna_protocol& o, Protocol& p) {
   const std::vector<std::string> names = name_list(o.moved, o.moved_count, "moved");
   const double end = p.motion.shape == MotionShape::kLogistic ? 0.0 : 10.0 * kDegree;
   Vector ends = Vector::Constant(static_cast<Index>(names.size()), end);
-  if (o.end_rad != nullptr) ends = entries(o.end_rad, "end_rad");
+  if (o.end_rad != nullptr) ends = entries_of(o.end_rad, "end_rad");
   require(ends.size() == static_cast<Index>(names.size()), "end_rad",
           "there are " + std::to_string(ends.size()) + " ends for " + std::to_string(names.size()) +
               " joints that move");
@@ -101,7 +65,7 @@ void read_motion(const ulna_protocol& o, sim::ReferenceMotion& m) {
   m.rest_s = o.rest_s;
   if (o.repeats != 0) m.repeats = o.repeats;
   if (o.speeds == nullptr) return;
-  const Vector speeds = entries(o.speeds, "speeds");
+  const Vector speeds = entries_of(o.speeds, "speeds");
   m.speeds.assign(speeds.data(), speeds.data() + speeds.size());
 }
 
@@ -136,7 +100,7 @@ Protocol protocol_of(const ulna_protocol* options) {
   Protocol p;
   read_motion(o, p.motion);
   read_moved(o, p);
-  if (o.start_rad != nullptr) p.start = entries(o.start_rad, "start_rad");
+  if (o.start_rad != nullptr) p.start = entries_of(o.start_rad, "start_rad");
   p.donned = !flag(o.from_reference, "from_reference");
   p.control.mode = update_of(o.torque);
   p.control.weight = flag(o.carry_weight, "carry_weight");
@@ -149,14 +113,19 @@ Protocol protocol_of(const ulna_protocol* options) {
   return p;
 }
 
+const ExoScene& description_of(const ulna_plant& handle) {
+  return handle.soft ? handle.soft->description().scene : handle.plant.scene();
+}
+
 std::shared_ptr<const MobilisedPlant> plant_of(const ulna_plant* plant, const ulna_plant* nominal) {
-  const ExoScene* scene = nominal == nullptr ? nullptr : &nominal->plant.scene();
-  return mobilised(deref(plant, "plant").plant, scene);
+  const ulna_plant& own = deref(plant, "plant");
+  const ExoScene* scene = nominal == nullptr ? nullptr : &description_of(*nominal);
+  return own.soft ? mobilised(own.soft, scene) : mobilised(own.plant, scene);
 }
 
 NominalModel nominal_of(const ulna_plant* plant, const ulna_plant* nominal) {
-  const ExoPlant& own = deref(plant, "plant").plant;
-  return {(nominal == nullptr ? own : nominal->plant).scene(), own.model()};
+  const ulna_plant& own = deref(plant, "plant");
+  return {description_of(nominal == nullptr ? own : *nominal), own.plant.model()};
 }
 
 void give_record(ulna_record** place, Record record) {

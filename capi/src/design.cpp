@@ -5,6 +5,7 @@
 #include <sstream>
 #include <utility>
 
+#include "arguments.hpp"
 #include "guard.hpp"
 #include "handles.hpp"
 #include "ident/excitation_record.hpp"
@@ -18,11 +19,6 @@ using namespace ulna;
 using namespace ulna::capi;
 
 namespace {
-
-double or_default(double value, double fallback) { return value == 0.0 ? fallback : value; }
-double or_none(double value, double fallback) {
-  return value < 0.0 ? 0.0 : or_default(value, fallback);
-}
 
 Drive drive_of(int32_t drive) {
   require(drive == ULNA_DRIVE_POSITION || drive == ULNA_DRIVE_FORCE, "drive",

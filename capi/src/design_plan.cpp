@@ -5,6 +5,7 @@
 #include <memory>
 #include <sstream>
 
+#include "arguments.hpp"
 #include "guard.hpp"
 #include "handles.hpp"
 #include "ident.hpp"
@@ -14,8 +15,6 @@ using namespace ulna;
 using namespace ulna::capi;
 
 namespace {
-
-double or_default(double value, double fallback) { return value == 0.0 ? fallback : value; }
 
 ArmModel arm_of(const ulna_design_arm* given) {
   deref(given, "arm");

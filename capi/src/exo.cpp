@@ -1,15 +1,15 @@
 #include <ulna/exo.h>
 
-#include <Eigen/Geometry>
 #include <algorithm>
+#include <memory>
 #include <string>
 #include <vector>
 
+#include "arguments.hpp"
 #include "guard.hpp"
 #include "handles.hpp"
-#include "plant/arm_muscles.hpp"
 #include "plant/muscle_fit.hpp"
-#include "signal/finite.hpp"
+#include "scene.hpp"
 
 using namespace ulna;
 using namespace ulna::capi;
@@ -18,45 +18,9 @@ namespace {
 
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-constexpr Index kLinkValues = 26;
 constexpr int64_t kStepsBetweenLooks = 20;  // at the token: below 50 ms for the largest scenes
 
 const ExoPlant& plant_of(const ulna_plant* handle) { return deref(handle, "plant").plant; }
-
-const char* text_of(const char* text, const char* argument) { return &deref(text, argument); }
-
-bool flag(int32_t value, const char* argument) {
-  require(value == 0 || value == 1, argument, std::string(argument) + " must be 0 or 1");
-  return value == 1;
-}
-
-template <class Kind>
-Kind kind_of(int32_t value, int32_t count, const char* argument) {
-  require(value >= 0 && value < count, argument,
-          std::string(argument) + " is " + std::to_string(value) + ", it must be between 0 and " +
-              std::to_string(count - 1));
-  return static_cast<Kind>(value);
-}
-
-Vector entries_of(const ulna_view* view, const char* argument) {
-  const StridedMap map = map_view(view, argument);
-  require(map.cols() == 1 || map.rows() == 1, argument,
-          std::string(argument) + " must have one row or one column");
-  return Matrix(map).reshaped();
-}
-
-// rows x columns, finite, with as many rows as `rows` where that is not negative.
-Matrix rows_of(const ulna_view* view, const char* argument, Index columns, Index rows = -1) {
-  const Matrix m = map_view(view, argument);
-  require(m.cols() == columns, argument,
-          std::string(argument) + " has " + std::to_string(m.cols()) + " columns, " +
-              std::to_string(columns) + " are expected");
-  require(rows < 0 || m.rows() == rows, argument,
-          std::string(argument) + " has " + std::to_string(m.rows()) + " rows, " +
-              std::to_string(rows) + " are expected");
-  require_finite(m, argument);
-  return m;
-}
 
 void write_rows(const RowMajor& m, double* out, int64_t capacity, int64_t* out_count) {
   write_array(m.data(), m.size(), out, capacity, out_count);
@@ -66,122 +30,13 @@ void write_vector(const VectorRef& v, double* out, int64_t capacity, int64_t* ou
   write_array(v.data(), v.size(), out, capacity, out_count);
 }
 
-// Descriptions ------------------------------------------------------------------------------------
-
-std::string name_of(const ulna_scene_options& o, Index entry, const char* otherwise) {
-  if (o.link_names == nullptr) return otherwise + std::to_string(entry / 2 + 1);
-  const char* name = o.link_names[entry];
-  return name == nullptr ? "" : name;
-}
-
-ExoLink link_of(const ulna_scene_options& o, const Vector& v, Index i) {
-  ExoLink link;
-  link.name = name_of(o, 2 * i, "Link");
-  link.joint = name_of(o, 2 * i + 1, "J");
-  link.position = v.segment<3>(0);
-  const Eigen::Quaterniond q(v[3], v[4], v[5], v[6]);
-  require(std::fabs(q.norm() - 1.0) < 1e-6, "links",
-          "link '" + link.name + "' has a quaternion whose length is not 1");
-  link.orientation = q.normalized().toRotationMatrix();
-  link.axis = v.segment<3>(7);
-  link.lower = v[10];
-  link.upper = v[11];
-  link.reference = v[12];
-  link.mass = v[13];
-  link.centre = v.segment<3>(14);
-  std::copy_n(v.data() + 17, 6, link.inertia);
-  link.damping = v[23];
-  link.friction = v[24];
-  link.motor_limit = v[25];
-  return link;
-}
-
-ExoDescription exo_of(const ulna_scene_options& o) {
-  ExoDescription exo = ExoDescription::published();
-  if (o.links != nullptr) {
-    const Matrix m = map_view(o.links, "links");
-    require(m.cols() == kLinkValues && m.rows() >= 2, "links",
-            "links must have 26 columns and two rows or more");
-    require(o.link_names == nullptr || o.link_name_count == 2 * m.rows(), "link_names",
-            "link_names must have two names for each link");
-    exo.links.clear();
-    exo.straps.clear();
-    for (Index i = 0; i < m.rows(); ++i) {
-      const Vector row = m.row(i).transpose();
-      exo.links.push_back(link_of(o, row, i));
-    }
-    exo.name = "exoskeleton";
-    exo.upper_link = exo.links[exo.links.size() - 2].name;
-    exo.fore_link = exo.links.back().name;
-  }
-  if (flag(o.published_straps, "published_straps")) exo.use_published_straps();
-  return exo;
-}
-
-std::vector<Muscle> muscles_of(const ulna_scene_options& o) {
-  std::vector<Muscle> muscles;
-  switch (kind_of<int>(o.muscles, 4, "muscles")) {
-    case ULNA_MUSCLES_FITTED:
-      muscles = fitted_elbow_muscles();
-      break;
-    case ULNA_MUSCLES_PUBLISHED:
-      muscles = published_elbow_muscles();
-      break;
-    case ULNA_MUSCLES_UNFITTED:
-      muscles = unfitted_elbow_muscles();
-      break;
-    default:
-      break;
-  }
-  if (flag(o.shoulder_muscles, "shoulder_muscles")) {
-    for (const Muscle& muscle : published_shoulder_muscles()) muscles.push_back(muscle);
-  }
-  if (o.muscle_values == nullptr) return muscles;
-  const Matrix values =
-      rows_of(o.muscle_values, "muscle_values", 3, static_cast<Index>(muscles.size()));
-  for (std::size_t k = 0; k < muscles.size(); ++k) {
-    const auto row = static_cast<Index>(k);
-    muscles[k].force = values(row, 0);
-    muscles[k].range[0] = values(row, 1);
-    muscles[k].range[1] = values(row, 2);
-  }
-  return muscles;
-}
-
-double or_default(double value, double otherwise) { return value == 0.0 ? otherwise : value; }
-
-ArmDescription arm_of(const ulna_scene_options& o) {
-  const bool person = o.height_m != 0.0 || o.mass_kg != 0.0;
-  const bool table = o.upper_factor != 0.0 || o.fore_factor != 0.0 || o.upper_mass_kg != 0.0 ||
-                     o.fore_mass_kg != 0.0;
-  require(!(person && table), "height_m",
-          "an arm is given by height and mass or by factors and masses of its segments, not both");
-  ArmDescription arm = person ? ArmDescription::person(o.height_m, o.mass_kg)
-                              : ArmDescription::cylinders(or_default(o.upper_factor, 1.0),
-                                                          or_default(o.fore_factor, 1.0),
-                                                          or_default(o.upper_mass_kg, 1.761),
-                                                          or_default(o.fore_mass_kg, 0.962));
-  arm.pronation = flag(o.pronation, "pronation");
-  arm.wrist = flag(o.wrist, "wrist");
-  arm.muscles = muscles_of(o);
-  return arm;
-}
-
-ExoScene scene_of(const ulna_scene_options* options) {
-  const ulna_scene_options o = read_options(options, "options");
-  ExoScene scene;
-  scene.exo = exo_of(o);
-  scene.arm = arm_of(o);
-  scene.coupling = kind_of<Coupling>(o.coupling, 4, "coupling");
-  scene.solver.elliptic = flag(o.elliptic, "elliptic");
-  if (o.iterations != 0) scene.solver.iterations = o.iterations;
-  scene.solver.timestep = or_default(o.timestep_s, scene.solver.timestep);
-  scene.solver.tolerance = or_default(o.tolerance, scene.solver.tolerance);
-  scene.solver.impratio = or_default(o.impratio, scene.solver.impratio);
-  return scene;
-}
-
 // Runs --------------------------------------------------------------------------------------------
+
+// The reference, the arm donned where soft interfaces hold it.
+void restart(ulna_run& run) {
+  run.run.reset();
+  if (run.soft) run.soft->attach(run.run, device_reference(run.soft->description().scene));
+}
 
 EngineRun::Out settable(EngineRun& run, int32_t field) {
   switch (field) {
@@ -271,14 +126,6 @@ RowMajor table_rows(const MuscleTable& t) {
   return rows;
 }
 
-std::vector<std::string> names_of(const char* const* names, int64_t count, const char* argument) {
-  require(count >= 0 && (count == 0 || names != nullptr), argument,
-          std::string(argument) + " must be a list of names");
-  std::vector<std::string> list;
-  for (int64_t i = 0; i < count; ++i) list.emplace_back(text_of(names[i], argument));
-  return list;
-}
-
 // The fit of a plant's elbow muscles, one row each: force and range.
 RowMajor fit_of(const ExoPlant& plant, double passive_limit, int64_t evaluations, Token* token) {
   ExoScene scene = plant.scene();
@@ -325,7 +172,13 @@ ulna_status ulna_plant_change(const ulna_plant* plant, int32_t quantity, const c
     const Vector v = entries_of(values, "values");
     const Change change{kind_of<ModelQuantity>(quantity, 10, "quantity"), text_of(name, "name"),
                         std::vector<double>(v.data(), v.data() + v.size())};
-    *out_plant = new ulna_plant{plant_of(plant).changed({change})};
+    const ulna_plant& own = deref(plant, "plant");
+    if (own.soft) {
+      throw Error(Fault::kUnsupported, "plant",
+                  "numbers of a plant with soft interfaces follow from its description: describe "
+                  "the changed one");
+    }
+    *out_plant = new ulna_plant{own.plant.changed({change})};
   });
 }
 
@@ -409,7 +262,7 @@ ulna_status ulna_plant_muscles(const ulna_plant* plant, const char* joint,
   return guarded([&] {
     const Vector still = pose == nullptr ? Vector() : entries_of(pose, "pose");
     const MuscleTable table = muscle_table(plant_of(plant).model(), text_of(joint, "joint"),
-                                           names_of(muscles, muscle_count, "muscles"),
+                                           name_list(muscles, muscle_count, "muscles"),
                                            entries_of(angle, "angle"), still, token_of(token));
     write_rows(table_rows(table), out, capacity, out_count);
   });
@@ -427,14 +280,17 @@ ulna_status ulna_plant_fit_muscles(const ulna_plant* plant, double passive_limit
 ulna_status ulna_run_new(const ulna_plant* plant, ulna_run** out_run) {
   return guarded([&] {
     deref(out_run, "out_run");
-    *out_run = new ulna_run{EngineRun(plant_of(plant).model())};
+    const ulna_plant& own = deref(plant, "plant");
+    auto run = std::make_unique<ulna_run>(ulna_run{EngineRun(own.plant.model()), own.soft});
+    restart(*run);
+    *out_run = run.release();
   });
 }
 
 void ulna_run_free(ulna_run* run) { delete run; }
 
 ulna_status ulna_run_reset(ulna_run* run) {
-  return guarded([&] { deref(run, "run").run.reset(); });
+  return guarded([&] { restart(deref(run, "run")); });
 }
 
 ulna_status ulna_run_set(ulna_run* run, int32_t field, const ulna_view* values) {

@@ -23,6 +23,7 @@
 #include "passivity/verdict.hpp"
 #include "plant/exo_plant.hpp"
 #include "plant/planar_robot.hpp"
+#include "plant/soft/soft_plant.hpp"
 #include "record/csv.hpp"
 #include "signal/excitation.hpp"
 #include "signal/system.hpp"
@@ -129,10 +130,12 @@ struct ulna_system {
 
 struct ulna_plant {
   ulna::ExoPlant plant;
+  std::shared_ptr<const ulna::SoftPlant> soft = nullptr;  // where soft interfaces hold the arm
 };
 
 struct ulna_run {
   ulna::EngineRun run;
+  std::shared_ptr<const ulna::SoftPlant> soft = nullptr;
 };
 
 struct ulna_mobilisation {

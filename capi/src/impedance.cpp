@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <memory>
 
+#include "arguments.hpp"
 #include "guard.hpp"
 #include "handles.hpp"
 #include "ident.hpp"
@@ -19,8 +20,6 @@ Enum choice(int32_t value, int32_t last, const char* argument) {
           std::string(argument) + " must be one of its constants, 0 to " + std::to_string(last));
   return static_cast<Enum>(value);
 }
-
-double or_default(double value, double fallback) { return value == 0.0 ? fallback : value; }
 
 ImpedanceOptions impedance_options(const ulna_impedance_options* given) {
   const ulna_impedance_options o = read_options(given, "options");

@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "arguments.hpp"
 #include "guard.hpp"
 #include "handles.hpp"
 #include "record/look.hpp"
@@ -22,13 +23,6 @@ Vector vector_of(const ulna_view* view, const char* argument) {
   const Matrix m = map_view(view, argument);
   require(m.cols() == 1, argument, std::string(argument) + " must have one column");
   return m.col(0);
-}
-
-double or_default(double value, double otherwise) { return value == 0.0 ? otherwise : value; }
-
-// 0: the default; negative: none.
-double or_none(double value, double otherwise) {
-  return value < 0.0 ? 0.0 : or_default(value, otherwise);
 }
 
 std::shared_ptr<const SpringArray> springs_of(const ulna_view* view) {

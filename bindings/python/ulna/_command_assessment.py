@@ -24,25 +24,46 @@ def add_to(kinds: Any) -> None:
         "assessment",
         summary="passive mobilisation of an arm by an exoskeleton, and its stiffness",
         examples="  ulna simulate assessment --out log.csv\n"
+        "  ulna simulate assessment --soft --out log.csv\n"
         "  ulna simulate assessment --scene scene.toml --balanced --noise 0.1 --out log.csv\n"
         "  ulna assess log.csv",
     )
     parser.add_argument(
         "--scene", metavar="TOML",
-        help="[scene]: settings of ulna.exo.exoskeleton, [protocol]: of ulna.exo.Protocol, "
-        "[[link]]: a device (default: the published device and arm)",
+        help="[scene]: settings of ulna.exo.exoskeleton, [soft]: of ulna.exo.Soft, [protocol]: of "
+        "ulna.exo.Protocol, [[link]]: a device (default: the published device and arm)",
     )  # fmt: skip
+    parser.add_argument(
+        "--soft", action="store_true", help="cuffs, straps and soft tissue hold the arm"
+    )
+    parser.add_argument(
+        "--reduced",
+        action="store_true",
+        help="the same as bushings, some twenty times as fast",
+    )
     parser.add_argument("--out", metavar="CSV", help="the log")
     parser.add_argument(
-        "--shape", choices=("logistic", "minimum_jerk", "ramp", "sinusoid"), help="of the movement"
+        "--shape",
+        choices=("logistic", "minimum_jerk", "ramp", "sinusoid"),
+        help="of the movement",
     )
-    parser.add_argument("--balanced", action="store_true", help="extensors balance the flexors")
-    parser.add_argument("--published", action="store_true", help="the published estimator")
     parser.add_argument(
-        "--noise", type=not_negative, default=0.0, metavar="NM", help="rms of the torque's error"
+        "--balanced", action="store_true", help="extensors balance the flexors"
+    )
+    parser.add_argument(
+        "--published", action="store_true", help="the published estimator"
+    )
+    parser.add_argument(
+        "--noise",
+        type=not_negative,
+        default=0.0,
+        metavar="NM",
+        help="rms of the torque's error",
     )
     parser.add_argument("--seed", type=int, default=0, help="of the error (default: 0)")
-    parser.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON object, nothing else"
+    )
     parser.set_defaults(run=_assess)
 
 
@@ -55,13 +76,21 @@ def _assess(options: argparse.Namespace) -> int:
     found = exo.mobilise(plant, protocol, published_estimator=options.published)
     record, joints = found.record, found.joints
     if record is not None and options.noise > 0:
-        record = exo.with_errors(record, plant, torque_nm=options.noise, seed=options.seed)
+        record = exo.with_errors(
+            record, plant, torque_nm=options.noise, seed=options.seed
+        )
         if found.status == "ok":
-            joints = exo.identify_viscoelasticity(record, plant, published=options.published)
+            joints = exo.identify_viscoelasticity(
+                record, plant, published=options.published
+            )
     if record is not None and options.out is not None:
         record.to_csv(options.out)
     if options.json:
-        print(json.dumps(_result(found, joints, record, options.out), indent=2, allow_nan=False))
+        print(
+            json.dumps(
+                _result(found, joints, record, options.out), indent=2, allow_nan=False
+            )
+        )
     else:
         head = found.status if not found.reason else f"{found.status}: {found.reason}"
         print(head, *(joint.summary() for joint in joints), *found.notes, sep="\n")
@@ -81,15 +110,22 @@ def _scene(options: argparse.Namespace) -> tuple[Any, Any]:
             raise Usage(f"--scene {options.scene} is not TOML: {failure}") from failure
     scene = _table(described, "scene", options.scene)
     settings = _table(described, "protocol", options.scene)
-    known = set(inspect.signature(exo.exoskeleton).parameters) - {"device"}
+    known = set(inspect.signature(exo.exoskeleton).parameters) - {"device", "soft"}
+    soft: Any = options.soft or options.reduced
+    if "soft" in described:
+        soft = _table(described, "soft", options.scene)
+        _refuse_unknown(soft, {f.name for f in fields(exo.Soft)}, "soft", options.scene)
     _refuse_unknown(scene, known, "scene", options.scene)
-    _refuse_unknown(settings, {f.name for f in fields(exo.Protocol)}, "protocol", options.scene)
+    _refuse_unknown(
+        settings, {f.name for f in fields(exo.Protocol)}, "protocol", options.scene
+    )
     if options.shape is not None:
         settings["shape"] = options.shape
     if options.balanced:
         settings["balanced"] = True
     device = described if "link" in described else None
-    return exo.exoskeleton(device, **scene), exo.Protocol(**settings)
+    plant = exo.exoskeleton(device, soft=soft, **scene)
+    return plant.reduced() if options.reduced else plant, exo.Protocol(**settings)
 
 
 def _table(described: dict[str, Any], name: str, path: str) -> dict[str, Any]:
@@ -99,7 +135,9 @@ def _table(described: dict[str, Any], name: str, path: str) -> dict[str, Any]:
     return dict(table)
 
 
-def _refuse_unknown(table: dict[str, Any], known: set[str], name: str, path: str) -> None:
+def _refuse_unknown(
+    table: dict[str, Any], known: set[str], name: str, path: str
+) -> None:
     for key in table:
         if key not in known:
             raise Usage(

@@ -41,14 +41,29 @@ from ._exo_assessment import (
     muscle_impedance,
     with_errors,
 )
+from ._exo_patient import patient, population
+from ._exo_soft import (
+    Bushing,
+    Compression,
+    InterfaceState,
+    Soft,
+    bushings_of,
+    compression_test,
+    states_of,
+)
 
 __all__ = [
     "Assessment",
+    "Bushing",
+    "Compression",
     "ElbowTorque",
+    "InterfaceState",
     "Plant",
     "Protocol",
     "Run",
+    "Soft",
     "Viscoelasticity",
+    "compression_test",
     "exoskeleton",
     "fit_elbow_muscles",
     "identify_viscoelasticity",
@@ -56,6 +71,8 @@ __all__ = [
     "measured_torque",
     "mobilise",
     "muscle_impedance",
+    "patient",
+    "population",
     "read_device",
     "read_scene",
     "with_errors",
@@ -142,7 +159,9 @@ class Plant:
 
     def names(self, part: str) -> tuple[str, ...]:
         """Names of the parts of a kind: body, joint, geom, site, tendon, actuator, equality."""
-        written = text(lib.ulna_plant_names, self._pointer, _choice(part, _PARTS, "part"))
+        written = text(
+            lib.ulna_plant_names, self._pointer, _choice(part, _PARTS, "part")
+        )
         return tuple(written.splitlines())
 
     @property
@@ -163,7 +182,9 @@ class Plant:
     def values(self, quantity: str, name: str) -> Array:
         """Numbers of a part of the compiled scene, as :meth:`change` takes them."""
         kind = _choice(quantity, _QUANTITIES, "quantity")
-        return out_array(lib.ulna_plant_values, self._pointer, kind, encode(name, "name"))
+        return out_array(
+            lib.ulna_plant_values, self._pointer, kind, encode(name, "name")
+        )
 
     def change(self, quantity: str, name: str, values: ArrayLike) -> Plant:
         """The plant with other numbers, without compiling again; it has no nominal model.
@@ -187,18 +208,30 @@ class Plant:
         kind = _choice(quantity, _QUANTITIES, "quantity")
         numbers = view(np.atleast_1d(np.asarray(values, dtype=float)))
         return Plant(
-            _Plant.make(lib.ulna_plant_change, self._pointer, kind, encode(name, "name"), numbers)
+            _Plant.make(
+                lib.ulna_plant_change,
+                self._pointer,
+                kind,
+                encode(name, "name"),
+                numbers,
+            )
         )
 
     def check_start(self, start: ArrayLike) -> None:
         """Refuse a start outside the joints' limits; the message names the joint."""
-        check(lib.ulna_plant_check_start(self._pointer, view(np.asarray(start, dtype=float))))
+        check(
+            lib.ulna_plant_check_start(
+                self._pointer, view(np.asarray(start, dtype=float))
+            )
+        )
 
     def inertia(self, angle: ArrayLike) -> Array:
         """Inertia matrix, kg m^2, shape (..., joints, joints)."""
         poses = np.asarray(angle, dtype=float)
         n = poses.shape[-1]
-        out = out_array(lib.ulna_plant_inertia, self._pointer, view(np.atleast_2d(poses)))
+        out = out_array(
+            lib.ulna_plant_inertia, self._pointer, view(np.atleast_2d(poses))
+        )
         return out.reshape((*poses.shape[:-1], n, n))
 
     def inverse_dynamics(
@@ -232,11 +265,52 @@ class Plant:
         """
         poses = np.asarray(angle, dtype=float)
         rows = [
-            view(np.atleast_2d(np.asarray(a, dtype=float))) for a in (angle, rate, acceleration)
+            view(np.atleast_2d(np.asarray(a, dtype=float)))
+            for a in (angle, rate, acceleration)
         ]
         kind = _choice(dynamics, _DYNAMICS, "dynamics")
         out = out_array(lib.ulna_plant_inverse_dynamics, self._pointer, kind, *rows)
         return out.reshape(poses.shape)
+
+    def reduced(
+        self,
+        *,
+        elbow_rad: float = np.pi / 3,
+        activation: float = 0.4,
+        settling_s: float = 2.0,
+        shift_m: float = 0.003,
+        turn_rad: float = np.pi / 90,
+    ) -> Plant:
+        """The plant with bushings in place of its soft interfaces, some twenty times as fast.
+
+        The limbs are held as the whole plant holds them with the device's last joint at `elbow_rad`
+        and the elbow's muscles at `activation`, after `settling_s`; then each is moved by `shift_m`
+        along and by `turn_rad` about each axis, and what cuff and strap answer is kept.
+
+        Examples
+        --------
+        >>> plant = exoskeleton(soft=True).reduced()
+        >>> [f"{b.limb} {b.part}" for b in plant.bushings]
+        ['upper cuff', 'upper strap', 'fore cuff', 'fore strap']
+        """
+        reduction = options(
+            "ulna_reduction_options",
+            elbow_rad=elbow_rad,
+            activation=-1.0 if activation == 0 else activation,
+            settling_s=settling_s,
+            shift_m=shift_m,
+            turn_rad=turn_rad,
+        )
+        out = ffi.new("ulna_plant **")
+        long_call(lib.ulna_plant_reduce, self._pointer, reduction, ffi.NULL, out)
+        return Plant(_Plant(out[0]))
+
+    @property
+    def bushings(self) -> tuple[Bushing, ...]:
+        """Of a reduced plant; empty for one with whole interfaces."""
+        return bushings_of(
+            out_array(lib.ulna_plant_bushings, self._pointer, shape=(-1, 86))
+        )
 
     def run(self) -> Run:
         """A simulation that starts in the reference, at rest."""
@@ -278,6 +352,17 @@ class Run:
     def reset(self) -> None:
         """Back to the plant's reference, at rest, time 0."""
         check(lib.ulna_run_reset(self._handle.pointer))
+
+    def don(self, device_angle: ArrayLike) -> None:
+        """Put the arm into its soft interfaces with the device's joints at these angles, at rest."""
+        angle = view(np.atleast_1d(np.asarray(device_angle, dtype=float)))
+        check(lib.ulna_run_don(self._handle.pointer, angle))
+
+    @property
+    def interfaces(self) -> dict[str, InterfaceState]:
+        """What each soft interface did in the last step; empty where there is none."""
+        rows = out_array(lib.ulna_run_interfaces, self._handle.pointer, shape=(-1, 22))
+        return states_of(rows)
 
     def forward(self) -> None:
         """Compute what follows from the state without moving it."""
@@ -373,7 +458,9 @@ def read_device(path: str | Path) -> dict[str, Any]:
             return tomllib.load(file)
     except tomllib.TOMLDecodeError as failure:
         raise FormatError(
-            f"{path} is not TOML: {failure}", status="ULNA_ERROR_FORMAT", detail=str(path)
+            f"{path} is not TOML: {failure}",
+            status="ULNA_ERROR_FORMAT",
+            detail=str(path),
         ) from failure
 
 
@@ -381,7 +468,9 @@ def _numbers(link: Mapping[str, Any], key: str, who: str) -> Array:
     size, default = _LINK_KEYS[key]
     value = link.get(key, default)
     if value is None:
-        raise FormatError(f"{who} has no {key}", status="ULNA_ERROR_FORMAT", argument=key)
+        raise FormatError(
+            f"{who} has no {key}", status="ULNA_ERROR_FORMAT", argument=key
+        )
     try:
         numbers = np.atleast_1d(np.asarray(value, dtype=float))
     except (TypeError, ValueError):
@@ -398,7 +487,9 @@ def _numbers(link: Mapping[str, Any], key: str, who: str) -> Array:
 def _links(device: Mapping[str, Any]) -> tuple[Array, list[str]]:
     links = device.get("link", [])
     if not isinstance(links, Sequence) or len(links) < 2:
-        raise FormatError("a device needs two [[link]] tables or more", status="ULNA_ERROR_FORMAT")
+        raise FormatError(
+            "a device needs two [[link]] tables or more", status="ULNA_ERROR_FORMAT"
+        )
     rows, names = [], []
     for i, link in enumerate(links):
         who = f"link {i + 1} ({link.get('name', 'without a name')})"
@@ -410,7 +501,9 @@ def _links(device: Mapping[str, Any]) -> tuple[Array, list[str]]:
                 status="ULNA_ERROR_FORMAT",
             )
         if not link.get("joint"):
-            raise FormatError(f"{who} has no joint", status="ULNA_ERROR_FORMAT", argument="joint")
+            raise FormatError(
+                f"{who} has no joint", status="ULNA_ERROR_FORMAT", argument="joint"
+            )
         rows.append(np.concatenate([_numbers(link, key, who) for key in _LINK_KEYS]))
         names += [str(link.get("name", "")), str(link["joint"])]
     return np.array(rows), names
@@ -420,6 +513,7 @@ def exoskeleton(
     device: str | Path | Mapping[str, Any] | None = None,
     *,
     coupling: str = "rigid",
+    soft: Soft | Mapping[str, Any] | bool = False,
     muscles: str = "fitted",
     muscle_values: ArrayLike | None = None,
     shoulder_muscles: bool = False,
@@ -446,6 +540,8 @@ def exoskeleton(
         What :func:`read_device` reads. Default: the published device of four joints.
     coupling : {"rigid", "apart", "exo_only", "arm_only"}
         The arm stands in its links, moves beside the device, or one of them is not there.
+    soft : Soft, mapping or True
+        Cuffs, straps and soft tissue hold the arm instead; True: with their defaults.
     muscles : {"fitted", "published", "unfitted", "none"}
         Of the elbow: around cylinders with forces fitted to measured torque; the published straight
         lines; around cylinders with published forces; none.
@@ -473,7 +569,9 @@ def exoskeleton(
     """
     table, names = None, None
     if device is not None:
-        table, names = _links(device if isinstance(device, Mapping) else read_device(device))
+        table, names = _links(
+            device if isinstance(device, Mapping) else read_device(device)
+        )
     for name, value in (
         ("upper_factor", upper_factor),
         ("fore_factor", fore_factor),
@@ -511,9 +609,19 @@ def exoskeleton(
         links=table,
         link_names=names,
         link_name_count=None if names is None else len(names),
-        muscle_values=None if muscle_values is None else np.asarray(muscle_values, dtype=float),
+        muscle_values=None
+        if muscle_values is None
+        else np.asarray(muscle_values, dtype=float),
     )
-    return Plant(_Plant.make(lib.ulna_plant_new, scene))
+    if soft is False or soft is None:
+        return Plant(_Plant.make(lib.ulna_plant_new, scene))
+    if coupling != "rigid":
+        raise ArgumentError(
+            f"an arm in soft interfaces cannot be held {coupling!r} as well: leave coupling out",
+            status="ULNA_ERROR_ARGUMENT",
+            argument="coupling",
+        )
+    return Plant(_Plant.make(lib.ulna_plant_new_soft, scene, Soft.of(soft)._struct()))
 
 
 def read_scene(path: str | Path, *, contacts: int = 100) -> Plant:
@@ -549,7 +657,9 @@ def measured_torque(source: str) -> tuple[Array, Array, Array]:
             status="ULNA_ERROR_ARGUMENT",
             argument="source",
         )
-    angle, flexion, extension = (np.array(list(column), dtype=float) for column in tables[source])
+    angle, flexion, extension = (
+        np.array(list(column), dtype=float) for column in tables[source]
+    )
     return angle * _DEGREE, flexion, extension
 
 
@@ -627,14 +737,18 @@ class ElbowTorque:
     def summary(self) -> str:
         """The curves in a few lines."""
         (flexion, at), (extension, there) = self.peaks
-        inside = (self.angle_rad >= 30 * _DEGREE - 1e-9) & (self.angle_rad <= 110 * _DEGREE + 1e-9)
+        inside = (self.angle_rad >= 30 * _DEGREE - 1e-9) & (
+            self.angle_rad <= 110 * _DEGREE + 1e-9
+        )
         lines = [
             f"flexion peak    {flexion:7.1f} N m at {at / _DEGREE:3.0f} deg",
             f"extension peak  {extension:7.1f} N m at {there / _DEGREE:3.0f} deg",
         ]
         if inside.any():
             worst = np.abs(self.passive[inside]).max()
-            lines.append(f"passive torque  {worst:7.1f} N m at most within 30 to 110 deg")
+            lines.append(
+                f"passive torque  {worst:7.1f} N m at most within 30 to 110 deg"
+            )
         for source in ("Amis", "Buchanan"):
             errors = self.error(source)
             lines.append(
@@ -726,7 +840,9 @@ def fit_elbow_muscles(
     """
     if evaluations is not None and evaluations < 1:
         raise ArgumentError(
-            "evaluations must be 1 or more", status="ULNA_ERROR_ARGUMENT", argument="evaluations"
+            "evaluations must be 1 or more",
+            status="ULNA_ERROR_ARGUMENT",
+            argument="evaluations",
         )
     if plant is None:
         plant = exoskeleton(coupling="arm_only", muscles="unfitted")

@@ -80,11 +80,11 @@ typedef struct ulna_viscoelastic ulna_viscoelastic;
  * @since 0.1 */
 typedef struct ulna_protocol {
   int64_t struct_size;        /* sizeof(ulna_protocol) */
-  const char* const* moved;   /* joints of the device that move; NULL: its last one */
-  const ulna_view* end_rad;   /* where each of them ends; NULL: 0 (logistic) or 10 degrees */
+  const char *const *moved;   /* joints of the device that move; NULL: its last one */
+  const ulna_view *end_rad;   /* where each of them ends; NULL: 0 (logistic) or 10 degrees */
   int64_t moved_count;        /* entries of moved */
-  const ulna_view* start_rad; /* every joint; NULL: the reference, the last joint at 110 degrees */
-  const ulna_view* speeds;    /* one movement there, and back, at each; NULL: 1 */
+  const ulna_view *start_rad; /* every joint; NULL: the reference, the last joint at 110 degrees */
+  const ulna_view *speeds;    /* one movement there, and back, at each; NULL: 1 */
   int32_t repeats;            /* of each speed; 0: 1 */
   int32_t shape;              /* ULNA_MOTION_... */
   int32_t torque;             /* ULNA_TORQUE_... */
@@ -150,7 +150,7 @@ typedef struct ulna_joint_errors {
  * @since 0.1 */
 typedef struct ulna_viscoelastic_options {
   int64_t struct_size;       /* sizeof(ulna_viscoelastic_options) */
-  const char* const* joints; /* NULL: those whose theta_ has the role position */
+  const char *const *joints; /* NULL: those whose theta_ has the role position */
   int64_t joint_count;       /* entries of joints */
   int32_t friction;          /* ULNA_FRICTION_... */
   int32_t no_damping_torque; /* 1: the nominal model has no damping */
@@ -199,41 +199,41 @@ typedef struct ulna_viscoelastic_joint {
  * a_ of each muscle; and what else the plant logs.
  * @thread shared plant
  * @since 0.1 */
-ULNA_API ulna_status ulna_mobilisation_new(const ulna_plant* plant, const ulna_plant* nominal,
-                                           const ulna_protocol* protocol, ulna_token* token,
-                                           ulna_mobilisation** out_mobilisation);
+ULNA_API ulna_status ulna_mobilisation_new(const ulna_plant *plant, const ulna_plant *nominal,
+                                           const ulna_protocol *protocol, ulna_token *token,
+                                           ulna_mobilisation **out_mobilisation);
 
 /** Frees a mobilisation; NULL is allowed.
  * @thread exclusive mobilisation
  * @since 0.1 */
-ULNA_API void ulna_mobilisation_free(ulna_mobilisation* mobilisation);
+ULNA_API void ulna_mobilisation_free(ulna_mobilisation *mobilisation);
 
 /** How it ended.
  * @thread shared mobilisation
  * @since 0.1 */
-ULNA_API ulna_status ulna_mobilisation_get_result(const ulna_mobilisation* mobilisation,
-                                                  ulna_mobilisation_result* out_result);
+ULNA_API ulna_status ulna_mobilisation_get_result(const ulna_mobilisation *mobilisation,
+                                                  ulna_mobilisation_result *out_result);
 
 /** Its words. what: ULNA_MOBILISATION_REASON or _NOTES.
  * @thread shared mobilisation
  * @since 0.1 */
-ULNA_API ulna_status ulna_mobilisation_text(const ulna_mobilisation* mobilisation, int32_t what,
-                                            char* out_text, int64_t capacity, int64_t* out_size);
+ULNA_API ulna_status ulna_mobilisation_text(const ulna_mobilisation *mobilisation, int32_t what,
+                                            char *out_text, int64_t capacity, int64_t *out_size);
 
 /** Its record, as far as the movement came. Fails with ULNA_ERROR_DATA where it did not begin.
  * @thread shared mobilisation
  * @since 0.1 */
-ULNA_API ulna_status ulna_mobilisation_record(const ulna_mobilisation* mobilisation,
-                                              ulna_record** out_record);
+ULNA_API ulna_status ulna_mobilisation_record(const ulna_mobilisation *mobilisation,
+                                              ulna_record **out_record);
 
 /** A record of a mobilisation with errors of the device's sensors.
  * @thread shared plant
  * @since 0.1 */
-ULNA_API ulna_status ulna_record_with_joint_errors(const ulna_record* record,
-                                                   const ulna_plant* plant,
-                                                   const ulna_plant* nominal,
-                                                   const ulna_joint_errors* errors,
-                                                   ulna_record** out_record);
+ULNA_API ulna_status ulna_record_with_joint_errors(const ulna_record *record,
+                                                   const ulna_plant *plant,
+                                                   const ulna_plant *nominal,
+                                                   const ulna_joint_errors *errors,
+                                                   ulna_record **out_record);
 
 /** Stiffness and damping by regression of the nominal torque of the muscles, (9), (20) and (21) of
  * Tesfazgi 2023. plant: whose device it is; nominal: whose description is the nominal model, NULL:
@@ -241,42 +241,42 @@ ULNA_API ulna_status ulna_record_with_joint_errors(const ulna_record* record,
  * accelerations that it does not hold are derivatives of the angles.
  * @thread shared plant
  * @since 0.1 */
-ULNA_API ulna_status ulna_viscoelastic_new(const ulna_record* record, const ulna_plant* plant,
-                                           const ulna_plant* nominal,
-                                           const ulna_viscoelastic_options* options,
-                                           ulna_token* token, ulna_viscoelastic** out_viscoelastic);
+ULNA_API ulna_status ulna_viscoelastic_new(const ulna_record *record, const ulna_plant *plant,
+                                           const ulna_plant *nominal,
+                                           const ulna_viscoelastic_options *options,
+                                           ulna_token *token, ulna_viscoelastic **out_viscoelastic);
 
 /** Frees an estimate; NULL is allowed.
  * @thread exclusive viscoelastic
  * @since 0.1 */
-ULNA_API void ulna_viscoelastic_free(ulna_viscoelastic* viscoelastic);
+ULNA_API void ulna_viscoelastic_free(ulna_viscoelastic *viscoelastic);
 
 /** How many joints it has.
  * @thread shared viscoelastic
  * @since 0.1 */
-ULNA_API ulna_status ulna_viscoelastic_count(const ulna_viscoelastic* viscoelastic,
-                                             int64_t* out_count);
+ULNA_API ulna_status ulna_viscoelastic_count(const ulna_viscoelastic *viscoelastic,
+                                             int64_t *out_count);
 
 /** One joint.
  * @thread shared viscoelastic
  * @since 0.1 */
-ULNA_API ulna_status ulna_viscoelastic_get_joint(const ulna_viscoelastic* viscoelastic,
-                                                 int64_t joint, ulna_viscoelastic_joint* out_joint);
+ULNA_API ulna_status ulna_viscoelastic_get_joint(const ulna_viscoelastic *viscoelastic,
+                                                 int64_t joint, ulna_viscoelastic_joint *out_joint);
 
 /** Name of a joint, and after it its warnings, a sentence a line.
  * @thread shared viscoelastic
  * @since 0.1 */
-ULNA_API ulna_status ulna_viscoelastic_text(const ulna_viscoelastic* viscoelastic, int64_t joint,
-                                            char* out_text, int64_t capacity, int64_t* out_size);
+ULNA_API ulna_status ulna_viscoelastic_text(const ulna_viscoelastic *viscoelastic, int64_t joint,
+                                            char *out_text, int64_t capacity, int64_t *out_size);
 
 /** Impedance of the muscles alone at states of the human joints (rows), -d tau / d q and -d tau / d
  * q', each row by row: rows x (2 human joints squared). activation: rows x muscles.
  * @thread shared plant
  * @since 0.1 */
-ULNA_API ulna_status ulna_plant_muscle_impedance(const ulna_plant* plant, const ulna_view* angle,
-                                                 const ulna_view* rate, const ulna_view* activation,
-                                                 ulna_token* token, double* out, int64_t capacity,
-                                                 int64_t* out_count);
+ULNA_API ulna_status ulna_plant_muscle_impedance(const ulna_plant *plant, const ulna_view *angle,
+                                                 const ulna_view *rate, const ulna_view *activation,
+                                                 ulna_token *token, double *out, int64_t capacity,
+                                                 int64_t *out_count);
 
 #ifdef __cplusplus
 }

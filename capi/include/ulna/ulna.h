@@ -19,6 +19,7 @@
 #include <ulna/rig.h>
 #include <ulna/signal.h>
 #include <ulna/sim.h>
+#include <ulna/soft.h>
 #include <ulna/study.h>
 #include <ulna/system.h>
 
