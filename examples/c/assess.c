@@ -19,28 +19,7 @@
 #include <stdlib.h>
 #include <ulna/ulna.h>
 
-enum { kOk = 0, kBadInput = 2, kFailedAnalysis = 3, kInternal = 4 };
-
-/* One sentence to the terminal, and the exit code that belongs to it. */
-static int explain(void) {
-  ulna_error error = {0};
-  error.struct_size = sizeof error;
-  if (ulna_error_last(&error) != ULNA_OK) return kInternal;
-  fprintf(stderr, "assess: %s\n", error.message);
-  switch (error.status) {
-    case ULNA_ERROR_ARGUMENT:
-    case ULNA_ERROR_DATA:
-    case ULNA_ERROR_FILE:
-    case ULNA_ERROR_FORMAT:
-    case ULNA_ERROR_UNSUPPORTED:
-      return kBadInput;
-    case ULNA_ERROR_ANALYSIS:
-    case ULNA_ERROR_MEMORY:
-      return kFailedAnalysis;
-    default:
-      return kInternal;
-  }
-}
+#include "explain.h"
 
 /* Numbers of the reported fit; the caller frees them. NULL when they cannot be had. */
 static double *values_of(const ulna_impedance *impedance, int32_t quantity) {
@@ -202,10 +181,10 @@ int main(int argc, char **argv) {
     fprintf(stderr, "assess: the library has another interface than the header\n");
     return kInternal;
   }
-  if (ulna_record_read_csv(path, NULL, NULL, &record) != ULNA_OK) return explain();
+  if (ulna_record_read_csv(path, NULL, NULL, &record) != ULNA_OK) return explain("assess");
   if (ulna_impedance_identify(record, NULL, NULL, &impedance) != ULNA_OK ||
       !print_estimate(impedance)) {
-    code = explain();
+    code = explain("assess");
   }
   ulna_impedance_free(impedance);
   ulna_record_free(record);
