@@ -137,7 +137,7 @@ def test_optional_packages_are_imported_where_they_are_used():
         f"sys.modules[{name!r}] = None\n"
         for name in (
             "scipy", "h5py", "matplotlib", "tqdm", "pandas", "distributed", "cloudpickle", "pyarrow",
-            "SALib",
+            "SALib", "sklearn",
         )  # fmt: skip
     )
     code += "import importlib\n"

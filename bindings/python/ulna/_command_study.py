@@ -380,7 +380,9 @@ def _from_text(path: Path) -> Callable[[Any, Any, str], Any]:
                         f"{shape[0]} x {shape[1]}")  # fmt: skip
         lost = ~np.isfinite(y).all(axis=1)
         status = np.where(lost, 5, 0).astype(np.int32)  # nonfinite
-        return Runs(design, y, status, np.full(len(y), np.nan), study.outputs)
+        return Runs(
+            design, y, status, np.full(len(y), np.nan), study.outputs, units=study.units
+        )
 
     return execute
 

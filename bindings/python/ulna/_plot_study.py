@@ -12,6 +12,7 @@ from .record import refuse
 
 if TYPE_CHECKING:
     from ._study_indices import Convergence, Screening, SobolIndices
+    from ._study_patient import Patient
     from ._study_two_phase import TwoPhase
     from .study import Runs
 
@@ -41,6 +42,12 @@ def _errors(value: np.ndarray, interval: np.ndarray) -> np.ndarray | None:
     if np.isnan(interval).any():
         return None
     return np.abs(interval.T - value)
+
+
+def _label(runs: Runs, name: str) -> str:
+    """A factor or an output with its unit."""
+    unit = runs.units.get(name, "")
+    return f"{name} ({unit})" if unit else name
 
 
 def _level(level: float) -> str:
@@ -207,8 +214,9 @@ def output_density(runs: Runs, ax: Any = None, *, output: str | None = None) -> 
         for edge, label in ((low, f"5 to 95 %: {low:.3g} to {high:.3g}"), (high, None)):
             ax.axvline(edge, color=INK, linestyle="--", linewidth=0.9, label=label)
         ax.set_title(f"Distribution of {name}")
-        ax.set_xlabel(name)
-        ax.set_ylabel("probability density")
+        unit = runs.units.get(name, "")
+        ax.set_xlabel(_label(runs, name))
+        ax.set_ylabel(f"probability density (1/({unit}))" if unit else "probability density")
         ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
         return ax
 
@@ -237,9 +245,9 @@ def output_scatter(runs: Runs, axes: Any = None, *, output: str | None = None) -
                 linewidth=1.8,
                 label="mean of a slice",
             )
-            ax.set_xlabel(factor)
+            ax.set_xlabel(_label(runs, factor))
             if i % columns == 0:
-                ax.set_ylabel(name)
+                ax.set_ylabel(_label(runs, name))
         for ax in given.flat[len(factors) :]:
             ax.set_visible(False)
         given.flat[0].legend(loc="best")
@@ -280,9 +288,84 @@ def failure_map(runs: Runs, axes: Any = None) -> Any:
                 markeredgewidth=1.0,
                 label=f"failed, {int(failed.sum())} of {failed.size}",
             )
-            ax.set_xlabel(names[i])
-            ax.set_ylabel(names[j])
+            ax.set_xlabel(_label(runs, names[i]))
+            ax.set_ylabel(_label(runs, names[j]))
             ax.grid(False)
         given[0].set_title("Where runs failed")
         given[-1].legend(loc="upper center", bbox_to_anchor=(0.5, -0.22), ncols=2, markerscale=1.5)
         return given
+
+
+def patient(result: Patient, axes: Any = None) -> Any:
+    """Each quantity's interval, and what is left of it when a factor is known; a row a quantity.
+
+    Left: before and after what was observed, and what the measurement's own error would leave.
+    Right: share of the interval's width that is left, and the half that is asked for.
+    """
+    with style():
+        count = len(result.quantities)
+        most = max(len(one.known) for one in result.quantities.values())
+        given = axes_grid(
+            axes, count, 2, (WIDTH_IN, count * max(1.9, 0.95 + 0.27 * most)), width_ratios=[1.0, 1.15]
+        )
+        for row, one in zip(given, result.quantities.values(), strict=True):
+            _patient_interval(row[0], one, result)
+            _patient_factors(row[1], one)
+        # One legend for all rows, where it lies on nothing.
+        handles, _ = given[0][1].get_legend_handles_labels()
+        if handles:
+            given[-1][1].legend(handles=handles, loc="upper center", bbox_to_anchor=(0.45, -0.36), ncols=2)
+        return given
+
+
+def _patient_interval(ax: Any, one: Any, result: Patient) -> None:
+    bars = [("now", *one.interval, one.mean, BLUE)]
+    if result.observed:
+        bars.insert(0, ("before what\nwas observed", *one.unobserved, None, GREY))
+    if one.deviation > 0:
+        # The measurement alone: the interval that would be left if every factor were known.
+        half = 0.5 * one.width * one.noise_deviation / one.deviation
+        bars.append(("if every factor\nwere known", one.mean - half, one.mean + half, None, ORANGE))
+    for k, (_, low, high, mean, colour) in enumerate(bars):
+        ax.plot([low, high], [k, k], color=colour, linewidth=7, solid_capstyle="butt", alpha=0.55)
+        for end in (low, high):
+            ax.plot([end, end], [k - 0.16, k + 0.16], color=colour, linewidth=1.4)
+        if mean is not None:
+            ax.plot([mean], [k], "o", color=INK, markersize=4)
+        ax.annotate(
+            f"{low:.3g} to {high:.3g}" if high > low else f"{low:.3g}",
+            (0.5 * (low + high), k), xytext=(0, 8), textcoords="offset points", ha="center",
+            fontsize=7.5, color=INK,
+        )  # fmt: skip
+    ax.set_yticks(range(len(bars)), [bar[0] for bar in bars])
+    ax.set_ylim(len(bars) - 0.4, -0.75)
+    ax.margins(x=0.12)
+    ax.grid(False, axis="y")
+    unit = f" ({one.unit})" if one.unit else ""
+    ax.set_xlabel(one.name + unit)
+    ax.set_title(f"{one.name}: {_level(result.level)} interval")
+
+
+def _patient_factors(ax: Any, one: Any) -> None:
+    if not one.known:
+        ax.text(0.5, 0.5, "no factor matters", transform=ax.transAxes, ha="center")
+        ax.set_axis_off()
+        return
+    names = sorted(one.known, key=lambda name: one.known[name])
+    rows = np.arange(len(names))
+    known = 100 * np.array([one.known[name] for name in names])
+    halved = 100 * np.array([one.halved[name] for name in names])
+    ax.barh(rows - 0.19, known, height=0.34, color=BLUE, label="known exactly")
+    ax.barh(rows + 0.19, halved, height=0.34, color=SKY, label="known twice as well")
+    ax.axvline(50.0, color=INK, linestyle="--", linewidth=0.9)
+    for row, name in enumerate(names):
+        if name in one.to_halve:
+            unit = one.units.get(name, "")
+            words = f"±{one.to_halve[name]:.2g} {unit}".rstrip() + " halves it"
+            ax.text(101.5, row, words, fontsize=7.5, va="center", color=INK, clip_on=False)
+    ax.set_yticks(rows, names)
+    ax.set_ylim(len(names) - 0.45, -0.55)
+    ax.set_xlim(0, 100)
+    ax.grid(False, axis="y")
+    ax.set_title("Left of its width if a factor is")
+    ax.set_xlabel("share of the width (%); dashed: half")

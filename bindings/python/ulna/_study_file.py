@@ -150,6 +150,7 @@ def _checked(source: Path, given: dict[str, Any]) -> StudyFile:
         outputs=outputs,
         groups=groups,
         vectorized=bool(given.get("vectorized", False)),
+        units=units,
     )
     found = StudyFile(
         path=source,

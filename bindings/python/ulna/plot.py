@@ -31,6 +31,7 @@ from ._plot_study import (
     fixing,
     output_density,
     output_scatter,
+    patient,
     screening,
     sobol_indices,
 )
@@ -60,6 +61,7 @@ __all__ = [
     "output_scatter",
     "overview",
     "parameters",
+    "patient",
     "pictures",
     "port_indices",
     "prediction",

@@ -44,6 +44,7 @@ from ._study_indices import (
 )
 from ._study_export import export, salib_files
 from ._study_journal import StudyJournal, plan_of
+from ._study_patient import Patient, PatientQuantity, patient
 from ._study_call import Call, RunFailed
 from ._study_progress import Meter, StudyProgress
 from ._study_run import NOT_RUN, Runner
@@ -60,6 +61,8 @@ __all__ = [
     "GivenData",
     "LogUniform",
     "Normal",
+    "Patient",
+    "PatientQuantity",
     "RunFailed",
     "Runs",
     "Screening",
@@ -98,6 +101,8 @@ class Runs:
     outputs : tuple of str
     messages : dict of int to str
         Why rows failed.
+    units : dict of str to str
+        Of factors and outputs, for figures and words.
     """
 
     design: StudyDesign
@@ -106,6 +111,7 @@ class Runs:
     wall_s: np.ndarray = field(repr=False)
     outputs: tuple[str, ...] = ("y",)
     messages: Mapping[int, str] = field(default_factory=dict, repr=False)
+    units: Mapping[str, str] = field(default_factory=dict, repr=False)
 
     @property
     def failed(self) -> np.ndarray:
@@ -314,6 +320,73 @@ class Runs:
             self, method=method, output=output, level=level, resamples=resamples, seed=seed
         )
 
+    def patient(
+        self,
+        *,
+        quantities: Any = None,
+        observed: Mapping[str, Any] | None = None,
+        covariance: Any = None,
+        method: str = "reweight",
+        level: float = 0.9,
+        seed: int = 0,
+        on_failure: str = "error",
+    ) -> Patient:
+        """Intervals of a measured patient's quantities, from runs over all such patients.
+
+        Rows of the study are patients that could be; each weighs as much as it agrees with what was
+        observed. What is left is the uncertainty of this patient.
+
+        Parameters
+        ----------
+        quantities : sequence of str, or dict of str to (str or float), optional
+            Outputs that are asked for; all by default. A dict gives each the output that holds its
+            standard error in a run, or a standard error: the measurement's own, which adds to that
+            of the factors.
+        observed : dict of str to (float, float), optional
+            Outputs that predict what was measured on the patient: what was measured, and its
+            standard error. With a `covariance`, values alone.
+        covariance : array_like, optional
+            Of what was observed, in the order of `observed`.
+        method : str
+            "reweight": the runs themselves. "emulator": a Gaussian process that learns from some
+            dozens of runs (needs scikit-learn); what it does not know widens the interval.
+        level : float
+        seed : int
+            Of the emulator's points.
+        on_failure : str
+            "error", or "drop_block": patients whose run failed are left out.
+
+        Raises
+        ------
+        AnalysisError
+            When too few runs agree with what was observed (effective sample size below 50), none
+            does, or the emulator does not predict unseen runs.
+
+        Examples
+        --------
+        >>> import ulna
+        >>> study = ulna.Study(
+        ...     factors={"m": ulna.Normal(1.0, 0.1), "g": ulna.Normal(5.0, 1.0)},
+        ...     function=lambda m, g: {"K": g + 20 * m, "seen": g},
+        ...     outputs=("K", "seen"),
+        ... )
+        >>> patient = study.sample(n=1024, seed=1).patient(
+        ...     quantities="K", observed={"seen": (5.5, 0.1)}
+        ... )
+        >>> patient["K"]
+        <PatientQuantity K=25.5±2, 22.2 to 28.8>
+        """
+        return patient(
+            self,
+            quantities=quantities,
+            observed=observed,
+            covariance=covariance,
+            method=method,
+            level=level,
+            seed=seed,
+            on_failure=on_failure,
+        )
+
     def base_rows(self) -> np.ndarray:
         """Rows that are a plain sample of the factors: those of A and B, or first rows of blocks."""
         rows = np.arange(0, self.design.rows, self.design.block_rows)
@@ -376,6 +449,16 @@ def _check_running(
             raise refuse(f"{name} is {value!r}; it must be positive", name)
 
 
+def _check_units(units: Mapping[str, str] | None, names: tuple[str, ...]) -> dict[str, str]:
+    given = dict(units or {})
+    for name, unit in given.items():
+        if name not in names:
+            raise refuse(f"units name no factor and no output {name!r}", "units")
+        if not isinstance(unit, str):
+            raise refuse(f"the unit of {name} must be text, got {unit!r}", "units")
+    return given
+
+
 class Study:
     """Factors with their uncertainty, and the function of them that is studied.
 
@@ -392,6 +475,8 @@ class Study:
         Group of a factor; groups move as one and have one index.
     vectorized : bool
         The function takes arrays, one element a run, and returns (runs,) or (runs, outputs).
+    units : dict of str to str, optional
+        Of factors and outputs, for figures and words: ``{"k": "N m/rad"}``.
 
     Examples
     --------
@@ -412,6 +497,7 @@ class Study:
         outputs: Sequence[str] | None = None,
         groups: Mapping[str, str] | None = None,
         vectorized: bool = False,
+        units: Mapping[str, str] | None = None,
     ) -> None:
         self.factors = check_factors(factors)
         if function is not None and not callable(function):
@@ -425,6 +511,7 @@ class Study:
         self._scalar = outputs is None
         self.groups = None if groups is None else dict(groups)
         self.vectorized = vectorized
+        self.units = _check_units(units, (*self.factors, *self.outputs))
 
     def design(self, **chosen: Any) -> StudyDesign:
         """A design over these factors; keywords are those of `StudyDesign`."""
@@ -567,6 +654,7 @@ class Study:
             outputs=None if self._scalar else self.outputs,
             groups=groups,
             vectorized=self.vectorized,
+            units={name: unit for name, unit in self.units.items() if name not in values},
         )
 
     def two_phase(
@@ -649,8 +737,9 @@ class Study:
 
     def _runs(self, runner: Runner) -> Runs:
         return Runs(
-            runner.design, runner.y, runner.status, runner.wall_s, self.outputs, runner.messages
-        )
+            runner.design, runner.y, runner.status, runner.wall_s, self.outputs, runner.messages,
+            self.units,
+        )  # fmt: skip
 
     def screen(
         self,
@@ -771,6 +860,59 @@ class Study:
         )
         return self.run(design, on_failure=on_failure, **running)
 
+    def patient(
+        self,
+        *,
+        n: int | None = None,
+        quantities: Any = None,
+        observed: Mapping[str, Any] | None = None,
+        covariance: Any = None,
+        method: str = "reweight",
+        level: float = 0.9,
+        seed: int = 0,
+        on_failure: str = "error",
+        **running: Any,
+    ) -> Patient:
+        """How well is a measured patient known? A plain sample of the factors, then `Runs.patient`.
+
+        Parameters
+        ----------
+        n : int, optional
+            Runs, a power of two: 1024, or 128 that an emulator learns from.
+        quantities, observed, covariance, method, level
+            See `Runs.patient`.
+        on_failure : str
+            "error" or "drop_block".
+        **running
+            As of `run`: journal, executor, workers, ...
+
+        Examples
+        --------
+        >>> import ulna
+        >>> study = ulna.Study(
+        ...     factors={"mass": ulna.Normal(1.3, 0.15), "length": ulna.Normal(0.27, 0.01)},
+        ...     function=lambda mass, length: 4.0 + 9.81 * mass * length,
+        ...     units={"mass": "kg", "length": "m", "y": "N m/rad"},
+        ... )
+        >>> print(study.patient(quantities={"y": 0.05}, seed=1)["y"].advice())
+        To halve the interval of y: measure mass to ±0.055 kg (standard error).
+        """
+        runs = self.sample(
+            n=n or (1024 if method == "reweight" else 128),
+            seed=seed,
+            on_failure=on_failure,
+            **running,
+        )
+        return runs.patient(
+            quantities=quantities,
+            observed=observed,
+            covariance=covariance,
+            method=method,
+            level=level,
+            seed=seed,
+            on_failure=on_failure,
+        )
+
     @property
     def problem(self) -> dict[str, Any]:
         """The factors as SALib's ``problem``."""
@@ -844,6 +986,6 @@ class Study:
         if status is not None:
             codes = np.asarray(status, dtype=np.int32)
         wall = np.full(len(values), np.nan)
-        return Runs(design, values, codes, wall, self.outputs)
+        return Runs(design, values, codes, wall, self.outputs, units=self.units)
 
 
