@@ -1,8 +1,10 @@
 """Analysis of a study beside SALib, and making a large design.
 
-N = 10^5 base points, K = 20 factors, 1000 bootstrap resamples: 2.2 million outputs. SALib does the
-same estimators and the same number of resamples in the same run, on one thread; the library too.
-SALib is run on all factors once; it needs about 8 GB of memory.
+N = 10^5 base points, K = 20 factors, 1000 bootstrap resamples: 2.2 million outputs, the same
+estimators, one thread each. The library does all of it. SALib draws all its resamples at once, which
+would take minutes and 8 GB: it is timed on all outputs with 8 and with 32 resamples, and its time for
+1000 is that of 8 and 992 times the difference of a resample. Its resamples are independent of each
+other, and fewer at a time fit its caches better, so the line through both favours SALib.
 """
 
 import time
@@ -14,6 +16,7 @@ import ulna
 from ulna import study as st
 
 K, N, RESAMPLES = 20, 100_000, 1000
+FEW, MORE = 8, 32
 best = {}
 
 
@@ -42,18 +45,28 @@ def test_salib(benchmark, runs, say):
     sobol = pytest.importorskip("SALib.analyze.sobol")
     problem = {"num_vars": K, "names": list(runs.design.factors), "bounds": [[0, 1]] * K}
     y = runs.output()
-    out = benchmark.pedantic(
-        lambda: sobol.analyze(
-            problem, y, calc_second_order=False, num_resamples=RESAMPLES, conf_level=0.9, seed=1
-        ),
-        rounds=1,
-        iterations=1,
-    )
-    theirs = benchmark.stats.stats.min
+
+    def analyse(resamples):
+        start = time.perf_counter()
+        out = sobol.analyze(
+            problem, y, calc_second_order=False, num_resamples=resamples, conf_level=0.9, seed=1
+        )
+        return time.perf_counter() - start, out
+
+    # The shortest of three: a busy machine makes a run longer, never shorter.
+    few = min(analyse(FEW)[0] for _ in range(3))
+    more = []
+    benchmark.pedantic(lambda: more.append(analyse(MORE)), rounds=3, iterations=1)
+    longer, out = min(time_ for time_, _ in more), more[-1][1]
+    theirs = few + (RESAMPLES - FEW) * (longer - few) / (MORE - FEW)
     ours = best["result"].to_salib()
     np.testing.assert_allclose(ours["ST"], out["ST"], atol=1e-12)
-    np.testing.assert_allclose(ours["ST_conf"], out["ST_conf"], rtol=0.2)
-    say(f"study: {theirs / best['ulna']:.0f} times as fast as SALib (at least 20 wanted)")
+    # Half widths of 32 resamples scatter by 1/sqrt(62) = 13 %, of 20 factors by at most 3.5 times that.
+    np.testing.assert_allclose(ours["ST_conf"], out["ST_conf"], rtol=0.45)
+    say(
+        f"study: SALib {theirs:.0f} s ({few:.2f} s with {FEW}, {longer:.2f} s with {MORE} resamples), "
+        f"ulna {best['ulna']:.2f} s, {theirs / best['ulna']:.0f} times as fast (at least 20 wanted)"
+    )
     assert theirs > 20 * best["ulna"]
 
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 _COLOURS = (BLUE, ORANGE, GREEN, PINK, AMBER, SKY)
 _MARKERS = ("o", "s", "D", "^", "v", "P")
+_LINES = 8  # factors of a convergence figure
 _LABELLED = 12  # factors that a legend can hold; of more the most important ones
 _TITLES = {
     "first": "First-order index",
@@ -120,12 +121,14 @@ def screening(result: Screening, ax: Any = None) -> Any:
         if reach > 0:
             # Above this line the effect of a factor changes its sign or size with the others.
             ax.plot([0, reach], [0, reach], color=GREY, linestyle=":", zorder=1, label="σ = µ*")
-        ax.set_xlim(left=0.0)
-        ax.set_ylim(bottom=0.0)
-        bars = "" if result.interval == "none" else f" (bars: {_level(result.level)} intervals)"
+        # Room below zero for the markers of factors without an effect, or of one that never varies.
+        ax.set_xlim(left=-0.025 * top if top > 0 else None)
+        ax.set_ylim(bottom=-0.025 * high if high > 0 else None)
+        bars = "" if result.interval == "none" else f"; bars: {_level(result.level)}"
+        unit = f" ({result.unit})" if result.unit else ""
         ax.set_title(f"Elementary effects of {result.output}")
-        ax.set_xlabel(f"mean magnitude µ*, per unit of quantile{bars}")
-        ax.set_ylabel("standard deviation σ")
+        ax.set_xlabel(f"mean magnitude µ* over a factor's range{unit}{bars}")
+        ax.set_ylabel(f"standard deviation σ{unit}")
         ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
         return ax
 
@@ -169,27 +172,67 @@ def convergence(result: Convergence, axes: Any = None) -> Any:
     with style():
         kinds = list(result.values)
         given = axes_grid(axes, 1, len(kinds), (WIDTH_IN, 3.0))[0]
-        shown = _shown(result.names, result.values[kinds[-1]][-1])
+        last = result.values[kinds[-1]][-1]
+        # Most important first; more than a handful of lines and bands cannot be told apart.
+        shown = np.argsort(-np.nan_to_num(last), kind="stable")[:_LINES]
         for ax, kind in zip(given, kinds, strict=True):
             for place, i in enumerate(shown):
                 look = _look(place)
                 value = result.values[kind][:, i]
-                ax.plot(
-                    result.runs, value, markersize=4, label=result.names[i], **look
-                )
+                ax.plot(result.runs, value, markersize=4, label=result.names[i], **look)
                 low, high = result.low[kind][:, i], result.high[kind][:, i]
                 if np.isfinite(low).any():
                     ax.fill_between(
-                        result.runs, low, high, color=look["color"], alpha=0.15, linewidth=0
+                        result.runs, low, high, color=look["color"], alpha=0.13, linewidth=0
                     )
             ax.axhline(0.0, color=INK, linewidth=0.7)
             ax.set_title(_TITLES[kind])
-            if result.runs[-1] > 8 * result.runs[0]:
-                ax.set_xscale("log")
-            ax.set_xlabel(f"runs ({result.subset} of the study)")
-        given[0].set_ylabel(f"index; band: {_level(result.level)} interval")
-        given[-1].legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
+            _runs_axis(ax, result.runs)
+            _near_the_lines(ax, result, kind, shown)
+            part = {"prefix": "the first of the study", "random": "drawn from the study"}
+            ax.set_xlabel(f"runs, {part[result.subset]}")
+        unit = f" ({result.unit})" if result.unit else ""
+        given[0].set_ylabel(f"index{unit}; band: {_level(result.level)} interval")
+        given[-1].legend(loc="center left", bbox_to_anchor=(1.01, 0.5), title=_left_out(result, shown))
         return given
+
+
+def _left_out(result: Convergence, shown: np.ndarray) -> str | None:
+    more = len(result.names) - len(shown)
+    return f"the first {len(shown)} of {len(result.names)}" if more else None
+
+
+def _runs_axis(ax: Any, runs: np.ndarray) -> None:
+    """Ticks at numbers of runs that were analysed, written as they are."""
+    if runs[-1] > 8 * runs[0]:
+        ax.set_xscale("log")
+    position = np.log(runs) if runs[-1] > 8 * runs[0] else runs.astype(float)
+    chosen = [len(runs) - 1]
+    for k in range(len(runs) - 2, -1, -1):
+        # A label takes about a fifth of the axis.
+        if position[chosen[-1]] - position[k] > 0.2 * (position[-1] - position[0]):
+            chosen.append(k)
+    ax.set_xticks(runs[chosen], [f"{number:g}" for number in runs[chosen]])
+    ax.minorticks_off()
+
+
+def _near_the_lines(ax: Any, result: Convergence, kind: str, shown: np.ndarray) -> None:
+    """Limits that hold all lines and the bands of the last half, not the widest first band."""
+    half = len(result.runs) // 2
+    parts = [result.values[kind][:, shown], result.low[kind][half:, shown], result.high[kind][half:, shown]]
+    held = np.concatenate([part[np.isfinite(part)].ravel() for part in parts] + [np.zeros(1)])
+    room = 0.06 * (held.max() - held.min()) or 1.0
+    ax.set_ylim(held.min() - room, held.max() + room)
+
+
+def _legend_below(axes: Any, handles: Any) -> None:
+    """One legend under all panels; of axes that somebody gave, under the last one."""
+    figure = axes.flat[0].figure
+    engine = figure.get_layout_engine() if hasattr(figure, "get_layout_engine") else None
+    if type(engine).__name__ == "ConstrainedLayoutEngine" and len(figure.axes) == axes.size:
+        figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), markerscale=1.5)
+    else:
+        axes.flat[-1].legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.25), ncols=2)
 
 
 def _good(runs: Runs, output: str | None) -> tuple[np.ndarray, np.ndarray, str]:
@@ -292,7 +335,7 @@ def failure_map(runs: Runs, axes: Any = None) -> Any:
             ax.set_ylabel(_label(runs, names[j]))
             ax.grid(False)
         given[0].set_title("Where runs failed")
-        given[-1].legend(loc="upper center", bbox_to_anchor=(0.5, -0.22), ncols=2, markerscale=1.5)
+        _legend_below(given, given[-1].get_legend_handles_labels()[0])
         return given
 
 
@@ -314,7 +357,7 @@ def patient(result: Patient, axes: Any = None) -> Any:
         # One legend for all rows, where it lies on nothing.
         handles, _ = given[0][1].get_legend_handles_labels()
         if handles:
-            given[-1][1].legend(handles=handles, loc="upper center", bbox_to_anchor=(0.45, -0.36), ncols=2)
+            _legend_below(given, handles)
         return given
 
 

@@ -240,6 +240,8 @@ class Convergence:
     level : float
     subset : str
         "prefix" (the first blocks) or "random" (a random choice).
+    unit : str
+        Of the values; empty for shares of the variance.
     """
 
     names: tuple[str, ...]
@@ -249,6 +251,7 @@ class Convergence:
     high: Mapping[str, np.ndarray]
     level: float
     subset: str
+    unit: str = ""
 
     def plot(self, axes: Any = None) -> Any:
         """Indices over the number of runs (needs matplotlib)."""
@@ -273,6 +276,7 @@ def converge(
     sizes: Sequence[int] | None,
     subset: str | None,
     level: float,
+    unit: str = "",
 ) -> Convergence:
     """Analyses of subsets, one after the other."""
     sequence = design.sampler == "sobol" and design.scheme != "trajectories"
@@ -289,6 +293,7 @@ def converge(
         high={kind: np.array([part.interval[kind][:, 1] for part in parts]) for kind in kinds},
         level=level,
         subset=subset,
+        unit=unit,
     )
 
 
@@ -464,6 +469,8 @@ class Screening:
         Of the output at the first rows of the blocks.
     level, interval, blocks, outcome, failures, design, output
         As of `SobolIndices`.
+    unit : str
+        Of the output.
     """
 
     names: tuple[str, ...]
@@ -483,6 +490,7 @@ class Screening:
     output: str = "y"
     _total: np.ndarray | None = field(default=None, repr=False)
     _again: Callable[..., _Analysis] | None = field(default=None, repr=False)
+    unit: str = ""
 
     @property
     def total(self) -> np.ndarray:
@@ -517,7 +525,7 @@ class Screening:
     ) -> Convergence:
         """The same analysis of more and more repetitions; see `SobolIndices.convergence`."""
         return converge(
-            self.design, self._again, ("mu_star", "sigma"), sizes, subset, self.level
+            self.design, self._again, ("mu_star", "sigma"), sizes, subset, self.level, self.unit
         )
 
     def to_salib(self) -> dict[str, Any]:

@@ -297,6 +297,7 @@ class Runs:
             output=name,
             _total=value.get("total"),
             _again=again,
+            unit=self.units.get(name, ""),
         )
 
     def given_data(
