@@ -55,7 +55,8 @@ def add_recording(parser: argparse.ArgumentParser) -> None:
     """The arguments that name a recording; `read_recording` reads it."""
     parser.add_argument(
         "file", metavar="FILE", nargs="+",
-        help="recording: CSV, TSV, MAT, NPZ or HDF5; several files, or a folder, are trials",
+        help="recording: CSV, TSV, MAT, NPZ, HDF5, MVNX, MOT, STO, TRC or C3D; several files, or a "
+        "folder, are trials",
     )  # fmt: skip
     parser.add_argument("--map", metavar="MAP", help="TOML file that names columns and units")
     parser.add_argument(

@@ -1,4 +1,5 @@
-"""Reading recordings: text tables, MATLAB, NPZ and HDF5, with a small TOML map of a lab's columns."""
+"""Reading recordings: text tables, MATLAB, NPZ, HDF5 and motion capture (MVNX, OpenSim, C3D), with a
+small TOML map of a lab's columns."""
 
 from __future__ import annotations
 
@@ -6,7 +7,7 @@ import os
 import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +27,22 @@ _FORMATS = {
     ".h5": "hdf5",
     ".hdf5": "hdf5",
     ".hdf": "hdf5",
+    ".mvnx": "mvnx",
+    ".mot": "mot",
+    ".sto": "mot",
+    ".trc": "trc",
+    ".c3d": "c3d",
 }
-_FILE_KEYS = {"delimiter": str, "decimal": str, "skip_rows": int, "header": bool, "format": str}
+# Their readers know names, units and frames of all channels.
+_MOTION = ("mvnx", "mot", "trc", "c3d")
+_FILE_KEYS = {
+    "delimiter": str,
+    "decimal": str,
+    "skip_rows": int,
+    "header": bool,
+    "format": str,
+    "part": str,
+}
 _TIME_KEYS = {"column": str, "unit": str}
 _CHANNEL_KEYS = {
     "column": str,
@@ -42,7 +57,12 @@ _TOP_KEYS = {"file": dict, "time": dict, "channel": list, "rate_hz": (int, float
 
 
 def read(
-    source: Any, *, map: Any = None, format: str | None = None, progress: bool = False
+    source: Any,
+    *,
+    map: Any = None,
+    format: str | None = None,
+    part: str | None = None,
+    progress: bool = False,
 ) -> Record:
     """Read a recording.
 
@@ -53,8 +73,10 @@ def read(
     map : path or dict, optional
         TOML file (or its contents) that names columns, units, signs and roles; `ulna.inspect` drafts
         one. Without it, channels are found by their names.
-    format : {"csv", "mat", "npz", "hdf5"}, optional
-        By default from the ending of the name and the first bytes.
+    format : {"csv", "mat", "npz", "hdf5", "mvnx", "mot", "trc", "c3d"}, optional
+        By default from the ending of the name and the first bytes; ``"mot"`` is also .sto.
+    part : {"points", "analog"}, optional
+        Of a C3D file whose markers and analog channels have different rates.
     progress : bool
         Show a bar (needs tqdm).
 
@@ -70,6 +92,8 @@ def read(
     ([0.001, 0.002], 'force')
     """
     plan = _load_map(map)
+    if part is not None:
+        plan = replace(plan, part=part)
     if format is not None and format not in set(_FORMATS.values()):
         raise refuse(
             f"the format {format!r} is none of {', '.join(sorted(set(_FORMATS.values())))}", "format"
@@ -139,8 +163,12 @@ def _read_one(source: Any, plan: _Plan, format: str | None, progress: bool) -> R
     if not isinstance(source, Path):
         contents = bytes(source.read() if hasattr(source, "read") else source)
     kind = format or plan.format or _format_of(source, contents)
+    if plan.part is not None and kind != "c3d":
+        raise refuse(f"only a C3D file has parts, this one is read as {kind}", "part")
     if kind == "csv":
         return _read_csv(source, contents, plan, progress)
+    if kind in _MOTION:
+        return _read_motion(kind, source, contents, plan, progress)
     reader = {"mat": _mat_columns, "npz": _npz_columns, "hdf5": _hdf5_columns}[kind]
     name = source.name if isinstance(source, Path) else f"{kind} in memory"
     if isinstance(source, Path) and not source.is_file():
@@ -159,6 +187,58 @@ def _read_one(source: Any, plan: _Plan, format: str | None, progress: bool) -> R
     return _from_found(columns, name, plan, progress)
 
 
+def _read_motion(
+    kind: str, source: Any, contents: bytes | None, plan: _Plan, progress: bool
+) -> Record:
+    rules = {"rules": plan.rules, "progress": progress}
+    if isinstance(source, Path) and not source.is_file():
+        what = "is a folder" if source.is_dir() else "does not exist"
+        raise FileError(f"{str(source)!r} {what}", status="ULNA_ERROR_FILE", argument="source")
+    if kind == "c3d":
+        from . import _read_c3d
+
+        return _read_c3d.read(source, contents, part=plan.part, **rules)
+    if kind == "mvnx":
+        from . import _read_mvnx
+
+        return _read_mvnx.read(source, contents, **rules)
+    from . import _read_opensim
+
+    reader = _read_opensim.read_markers if kind == "trc" else _read_opensim.read_table
+    return reader(source, contents, **rules)
+
+
+def read_suit(source: Any) -> Any:
+    """What an MVNX file says of the person and the suit beside the motion.
+
+    Parameters
+    ----------
+    source : path, bytes or binary file
+
+    Returns
+    -------
+    Suit
+        With ``segments``, ``sensors``, ``joints``, ``points_m``, ``connections``, ``poses`` and
+        ``frame_rate_hz``.
+
+    Examples
+    --------
+    >>> import ulna
+    >>> suit = ulna.io.read_suit(
+    ...     b'<mvnx><subject frameRate="60"><segments><segment label="Pelvis"><points>'
+    ...     b'<point label="jL5S1"><pos_b>0 0 0.1</pos_b></point></points></segment></segments>'
+    ...     b'</subject></mvnx>')
+    >>> suit.points_m["Pelvis/jL5S1"]
+    array([0. , 0. , 0.1])
+    """
+    from . import _read_mvnx
+
+    if isinstance(source, bytes | bytearray | memoryview) or hasattr(source, "read"):
+        contents = bytes(source.read() if hasattr(source, "read") else source)
+        return _read_mvnx.read_suit(None, contents)
+    return _read_mvnx.read_suit(Path(source), None)
+
+
 def _format_of(source: Any, contents: bytes | None) -> str:
     if isinstance(source, Path) and source.suffix.lower() in _FORMATS:
         return _FORMATS[source.suffix.lower()]
@@ -170,6 +250,12 @@ def _format_of(source: Any, contents: bytes | None) -> str:
         return "mat"
     if head.startswith(b"\x89HDF"):
         return "hdf5"
+    if head.startswith(b"PathFileType"):
+        return "trc"
+    if len(head) > 1 and head[1] == 0x50 and 2 <= head[0] <= 8:  # no text begins so
+        return "c3d"
+    if head.lstrip().startswith((b"<?xml", b"<mvnx")):
+        return "mvnx"
     return "npz" if head.startswith(b"PK\x03\x04") else "csv"
 
 
@@ -378,6 +464,7 @@ class _Plan:
     skip_rows: int = 0
     header: int = 0
     format: str | None = None
+    part: str | None = None
 
 
 def _load_map(source: Any) -> _Plan:
@@ -457,7 +544,8 @@ class _Checker:
             if len(value) > 1:
                 raise self.refuse(key, f"{key} must be one character")
         if file.get("format", "csv") not in set(_FORMATS.values()):
-            raise self.refuse("format", "format must be csv, mat, npz or hdf5")
+            known = ", ".join(sorted(set(_FORMATS.values())))
+            raise self.refuse("format", f"format must be one of {known}")
         if file.get("skip_rows", 0) < 0:
             raise self.refuse("skip_rows", "skip_rows must be 0 or more")
         for item in table.get("channel", []):
@@ -477,6 +565,7 @@ class _Checker:
             skip_rows=file.get("skip_rows", 0),
             header=header[file.get("header")],
             format=file.get("format"),
+            part=file.get("part"),
         )
 
     def rule(self, item: Any) -> dict[str, Any]:
@@ -646,4 +735,4 @@ def inspect(source: Any, *, map: Any = None, format: str | None = None) -> Inspe
     return Inspection(name, read(source, map={"rate_hz": 1.0}, format=format), True)
 
 
-__all__: Sequence[str] = ("Inspection", "inspect", "read")
+__all__: Sequence[str] = ("Inspection", "inspect", "read", "read_suit")
