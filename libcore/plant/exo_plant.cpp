@@ -120,6 +120,12 @@ ExoPlant ExoPlant::from_file(const std::string& path, const EngineRoom& room) {
   return {EngineModel::from_file(path, room), ""};
 }
 
+ExoPlant ExoPlant::written(EngineModel model, std::string text, const ExoScene& scene) {
+  ExoPlant plant(std::move(model), std::move(text));
+  plant.scene_ = std::make_shared<const ExoScene>(scene);
+  return plant;
+}
+
 ExoPlant ExoPlant::changed(const std::vector<Change>& changes) const {
   return {model_.changed(changes), ""};
 }

@@ -24,6 +24,9 @@ class ExoPlant {
   // A user's own MJCF file; there is no nominal model then. Throws Error: kFile, kFormat.
   static ExoPlant from_file(const std::string& path, const EngineRoom& room = {});
 
+  // A model whose text was written elsewhere, on the bodies of a scene. There is no nominal model.
+  static ExoPlant written(EngineModel model, std::string text, const ExoScene& scene);
+
   const EngineModel& model() const noexcept { return model_; }
   const std::string& text() const noexcept { return text_; }  // MJCF; "" for a file
 

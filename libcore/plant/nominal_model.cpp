@@ -1,6 +1,7 @@
 #include "plant/nominal_model.hpp"
 
 #include <cmath>
+#include <utility>
 
 #include "base/error.hpp"
 
@@ -19,7 +20,10 @@ RigidTree held_tree(ExoScene scene) {
 }  // namespace
 
 NominalModel::NominalModel(const ExoScene& scene, const EngineModel& device)
-    : tree_(held_tree(scene)), joints_(tree_.joint_names()), damping_(tree_.joints()) {
+    : NominalModel(held_tree(scene), device) {}
+
+NominalModel::NominalModel(RigidTree tree, const EngineModel& device)
+    : tree_(std::move(tree)), joints_(tree_.joint_names()), damping_(tree_.joints()) {
   const Vector damping = device.joint_damping();
   for (Index j = 0; j < tree_.joints(); ++j) {
     const std::string& joint = joints_[static_cast<std::size_t>(j)];

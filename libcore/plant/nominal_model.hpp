@@ -33,6 +33,9 @@ class NominalModel {
   // scene without a device or arm.
   NominalModel(const ExoScene& scene, const EngineModel& device);
 
+  // Bodies of one's own; their joints are joints of the device.
+  NominalModel(RigidTree tree, const EngineModel& device);
+
   const std::vector<std::string>& joints() const noexcept { return joints_; }
   const RigidTree& tree() const noexcept { return tree_; }
   const std::vector<FrictionLaw>& friction() const noexcept { return friction_; }

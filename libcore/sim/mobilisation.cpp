@@ -13,6 +13,7 @@ namespace ulna::sim {
 namespace {
 
 constexpr double kStartDegrees = 110.0;    // published, of the elbow
+constexpr double kPublishedRate = 2.0;     // rad/s
 constexpr double kStepsBetweenLooks = 20;  // at the token and the clock
 
 std::string degrees_of(double angle) { return sentence(4, angle / kDegree); }
@@ -29,6 +30,7 @@ struct MovePlan {
   Vector end;                // of the moved joints
   Index log_steps = 1;
   Index hold_steps = 1;
+  Index reference_steps = 1;
   Index rows = 0;
 };
 
@@ -102,6 +104,10 @@ MovePlan course_of(const Protocol& p, const MobilisedPlant& plant) {
   if (p.control.mode == TorqueUpdate::kHeld) {
     c.hold_steps = whole_steps(p.control.hold_s, h, "hold_s", "the hold of the torque");
   }
+  if (p.control.reference_hold_s > 0.0) {
+    c.reference_steps =
+        whole_steps(p.control.reference_hold_s, h, "reference_hold_s", "the hold of the reference");
+  }
   c.rows = static_cast<Index>(std::floor(p.motion.length_s() * p.log_rate_hz + 1e-6)) + 1;
   return c;
 }
@@ -156,8 +162,11 @@ class Session {
     advance();
   }
 
+  // The next step has a new torque.
+  bool at_update() const { return steps_ % c_.hold_steps == 0; }
+
   void drive(const VectorRef& reference, const VectorRef& reference_rate) {
-    if (steps_ % c_.hold_steps == 0) update(reference, reference_rate);
+    if (at_update()) update(reference, reference_rate);
     advance();
   }
 
@@ -202,7 +211,7 @@ class Session {
         throw Ended{RunStatus::kNonfinite, sentence(4, "the motion of joint '", joint,
                                                     "' is not finite at ", time(), " s")};
       }
-      if (moving_ && std::fabs(rate_[j]) > p_.rate_limit) {
+      if (moving_ && !p_.published_flags && std::fabs(rate_[j]) > p_.rate_limit) {
         throw Ended{RunStatus::kDiverged,
                     sentence(4, "joint '", joint, "' moves with ", rate_[j], " rad/s at ", time(),
                              " s, above the limit of ", p_.rate_limit,
@@ -249,7 +258,7 @@ void reach_start(Session& session, const Protocol& p, const MovePlan& c,
     const bool still = t >= p.approach_s;
     const ReferenceMotion::Point s = still ? ReferenceMotion::Point{1.0, 0.0} : way.at(t);
     session.drive(from + s.share * (c.start - from), s.rate * (c.start - from));
-    if (!still) continue;
+    if (!still || !session.at_update()) continue;
     const Vector error = session.angle() - c.start;
     if (error.cwiseAbs().maxCoeff() < p.start_angle &&
         session.rate().cwiseAbs().maxCoeff() < p.start_rate) {
@@ -284,6 +293,17 @@ void check_following(Session& session, const Protocol& p, const MovePlan& c,
   }
 }
 
+// As published: at an instant of the log, and in one direction.
+void check_published(const Session& session, const MovePlan& c, const MobilisedPlant& plant) {
+  for (const Index j : c.moved) {
+    if (!(session.rate()[j] > kPublishedRate)) continue;
+    throw Ended{RunStatus::kDiverged,
+                "joint '" + plant.device_joints()[static_cast<std::size_t>(j)] + "' moves with " +
+                    sentence(4, session.rate()[j], " rad/s at ", session.time(), " s, above ",
+                             kPublishedRate, " rad/s: the published flag")};
+  }
+}
+
 // A moved joint or the human joint that it turns beyond its range.
 void check_limits(Session& session, const Protocol& p, const MovePlan& c,
                   const MobilisedPlant& plant) {
@@ -311,8 +331,8 @@ void move(Session& session, const Protocol& p, const MovePlan& c, const Mobilise
   Vector reference = c.start;
   Vector reference_rate = Vector::Zero(c.start.size());
   for (Index i = 0; i < (c.rows - 1) * c.log_steps + 1; ++i) {
-    const double t = static_cast<double>(i) * plant.timestep();
-    const ReferenceMotion::Point s = p.motion.at(t);
+    const Index held = i - i % c.reference_steps;
+    const ReferenceMotion::Point s = p.motion.at(static_cast<double>(held) * plant.timestep());
     for (std::size_t k = 0; k < c.moved.size(); ++k) {
       const Index j = c.moved[k];
       const double way = c.end[static_cast<Index>(k)] - from[j];
@@ -320,6 +340,7 @@ void move(Session& session, const Protocol& p, const MovePlan& c, const Mobilise
       reference_rate[j] = s.rate * way;
     }
     const bool logged = i % c.log_steps == 0;
+    if (logged && p.published_flags) check_published(session, c, plant);
     if (logged) {
       log.before_step(session.run(), reference);
       const double rows = static_cast<double>(c.rows);
@@ -327,6 +348,7 @@ void move(Session& session, const Protocol& p, const MovePlan& c, const Mobilise
     }
     session.drive(reference, reference_rate);
     if (logged) log.after_step(session.run());
+    if (p.published_flags) continue;
     check_limits(session, p, c, plant);
     check_following(session, p, c, plant, reference);
   }
@@ -371,6 +393,7 @@ Protocol Protocol::published() {
   p.donned = false;
   p.settle_s = 2.5;
   p.control.mode = TorqueUpdate::kHeld;
+  p.control.reference_hold_s = 0.01;
   return p;
 }
 
@@ -389,6 +412,7 @@ void Protocol::check(const MobilisedPlant& plant) const {
   between(control.ki, 0.0, 1e6, "ki", "ki");
   between(control.kd, 0.0, 1e6, "kd", "kd");
   between(control.hold_s, 1e-6, 1.0, "hold_s", "the hold of the torque in s");
+  between(control.reference_hold_s, 0.0, 1.0, "reference_hold_s", "the hold of the reference in s");
   between(log_rate_hz, 1.0, 1e5, "log_rate_hz", "the rate of the log in Hz");
   between(rate_limit, 1e-3, 1e4, "rate_limit", "the limit of the rate in rad/s");
   between(follow_limit, 1e-6, 10.0, "follow_limit", "the limit of the tracking error in rad");

@@ -23,7 +23,8 @@ struct MobilisationControl {
   double ki = 25.0;  // N m/(rad s)
   double kd = 15.0;  // N m s/rad
   TorqueUpdate mode = TorqueUpdate::kImplicitDamping;
-  double hold_s = 0.01;  // of a torque, where it is held
+  double hold_s = 0.01;           // of a torque, where it is held
+  double reference_hold_s = 0.0;  // of the movement's reference; 0: none beside the torque's
   // The nominal model's weight is added to the torque.
   bool weight = false;
 };
@@ -52,6 +53,10 @@ struct Protocol {
   double follow_limit = 20.0 * kDegree;  // between a joint and its reference; above: diverged
   double limit_margin = 0.0;             // rad beyond the range of a moved joint: limit
   double time_limit_s = 0.0;             // of computing, 0: none
+  // In the movement only a moved joint that turns faster than 2 rad/s towards positive angles ends
+  // a run, in place of the limits above: what the published runs look at. An arm that leaves its
+  // strap, and a joint that swings the other way, go unnoticed.
+  bool published_flags = false;
 
   // The published settings: motors off while settling from the reference, torque held 10 ms.
   static Protocol published();

@@ -147,7 +147,9 @@ void make_room(mjModel& m, const EngineRoom& room) {
   require(room.contacts >= 0 && room.contacts <= 5000, "contacts",
           "contacts must be between 0 and 5000");
   m.nconmax = contacts_of(m, room.contacts);
-  m.njmax = std::max(rows_of(m, m.nconmax), 1);
+  require(room.rows >= 0 && room.rows <= 20000, "rows", "rows must be between 0 and 20000");
+  const int rows = std::max(rows_of(m, m.nconmax), 1);
+  m.njmax = room.rows == 0 ? rows : std::min(rows, static_cast<int>(room.rows));
   const double side = m.njmax + m.nv;
   // Dense work arrays of rows by degrees of freedom, and as many of degrees of freedom squared.
   const double stack = 20000.0 + 6.0 * side * m.nv + 40.0 * side + 2.0 * m.njmax;

@@ -20,6 +20,7 @@ const char* word(Part part);
 // What a run has room for. Rows of constraints cost memory in their square (12 bytes a pair).
 struct EngineRoom {
   Index contacts = 100;  // at once; fewer where fewer pairs of bodies can touch
+  Index rows = 0;        // of constraints at once; 0: as many as there can be with those contacts
 };
 
 // What can be changed in a compiled model. The names are of parts of the model; units SI.

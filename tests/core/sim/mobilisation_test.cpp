@@ -230,6 +230,21 @@ TEST(Mobilisation, TorqueHeldTooLongEndsTheRun) {
   EXPECT_NE(m.reason.find("unstable on this arm"), std::string::npos) << m.reason;
 }
 
+TEST(Mobilisation, ReferenceIsHeldAsLongAsItIsTold) {
+  Protocol p = brief();
+  p.log_rate_hz = 200.0;
+  p.control.reference_hold_s = 0.01;
+  const Mobilisation m = run_ok(plant(), p);
+  const Vector reference = column(*m.record, "theta_ref_J4");
+  const Vector free = column(*run_ok(plant(), brief()).record, "theta_ref_J4");
+  for (Index i = 0; i < 240; ++i) {
+    EXPECT_EQ(reference[i], reference[i - i % 2]);
+    // From where the start ended, which differs in the last digits.
+    EXPECT_NEAR(reference[i], free[i / 2], 1e-9);
+  }
+  EXPECT_GT(reference[120] - reference[122], 1e-3);
+}
+
 TEST(Mobilisation, LogsBothChainsAtItsRate) {
   const Mobilisation m = run_ok(plant(), brief());
   const Record& record = *m.record;
@@ -388,6 +403,19 @@ TEST(MobilisationStatus, EndOfTheRangeIsALimit) {
   p.start_angle = p.follow_limit = 1.0;
   p.motion = {.shape = MotionShape::kMinimumJerk, .duration_s = 0.5, .rest_s = 1.0};
   expect_end(mobilise(plant(), p), RunStatus::kLimit, "joint 'J4' left its range of 0 to 125");
+}
+
+// Towards positive angles, of a moved joint, faster than 2 rad/s: nothing else is looked at.
+TEST(MobilisationStatus, PublishedFlagsSeeOneDirection) {
+  Protocol p = brief();
+  p.rate_limit = 0.4;
+  p.follow_limit = 1e-6;
+  p.published_flags = true;
+  run_ok(plant(), p);
+  p.start[3] = 20 * kDegree;
+  p.moved = {{"J4", 100 * kDegree}};
+  p.motion.duration_s = 0.6;
+  expect_end(mobilise(plant(), p), RunStatus::kDiverged, "above 2 rad/s: the published flag");
 }
 
 TEST(MobilisationStatus, TooSlowIsTimeout) {
@@ -563,6 +591,8 @@ TEST(Protocol, SaysWhatCannotBe) {
   refuse([](Protocol& p) { p.control.kp = -1.0; }, "kp must be between");
   refuse([](Protocol& p) { p.control.kd = kNan; }, "kd must be between");
   refuse([](Protocol& p) { p.settle_s = -1.0; }, "time to settle");
+  refuse([](Protocol& p) { p.control.reference_hold_s = -1.0; }, "the hold of the reference in s");
+  refuse([](Protocol& p) { p.control.reference_hold_s = 0.012; }, "the hold of the reference of");
   refuse([](Protocol& p) { p.start_angle = 0.0; }, "tolerance of the start in rad");
   refuse([](Protocol& p) { p.motion.duration_s = 0.0; }, "duration of a movement");
   refuse(
