@@ -93,6 +93,7 @@ void read_limits(const ulna_protocol& o, Protocol& p) {
   p.follow_limit = or_default(o.follow_limit_rad, p.follow_limit);
   p.limit_margin = o.limit_margin_rad;
   p.time_limit_s = o.time_limit_s;
+  p.published_flags = flag(o.published_flags, "published_flags");
 }
 
 Protocol protocol_of(const ulna_protocol* options) {
@@ -108,23 +109,30 @@ Protocol protocol_of(const ulna_protocol* options) {
   p.control.ki = or_none(o.ki, p.control.ki);
   p.control.kd = or_none(o.kd, p.control.kd);
   p.control.hold_s = or_default(o.hold_s, p.control.hold_s);
+  p.control.reference_hold_s = o.reference_hold_s;
   read_excitation(o, p.excitation);
   read_limits(o, p);
   return p;
 }
 
 const ExoScene& description_of(const ulna_plant& handle) {
+  if (handle.published) {
+    throw Error(Fault::kUnsupported, "nominal",
+                "the published simulation cannot be the nominal model of another plant");
+  }
   return handle.soft ? handle.soft->description().scene : handle.plant.scene();
 }
 
 std::shared_ptr<const MobilisedPlant> plant_of(const ulna_plant* plant, const ulna_plant* nominal) {
   const ulna_plant& own = deref(plant, "plant");
   const ExoScene* scene = nominal == nullptr ? nullptr : &description_of(*nominal);
+  if (own.published) return mobilised(own.published, scene);
   return own.soft ? mobilised(own.soft, scene) : mobilised(own.plant, scene);
 }
 
 NominalModel nominal_of(const ulna_plant* plant, const ulna_plant* nominal) {
   const ulna_plant& own = deref(plant, "plant");
+  if (own.published && nominal == nullptr) return *own.published->nominal();
   return {description_of(nominal == nullptr ? own : *nominal), own.plant.model()};
 }
 
@@ -158,6 +166,23 @@ ViscoelasticOptions estimator_of(const ulna_viscoelastic_options* options) {
   v.level = or_default(o.level, v.level);
   v.seed = static_cast<std::uint64_t>(o.seed);
   return v;
+}
+
+ParityOptions parity_of(const ulna_published_options* options) {
+  const ulna_published_options o = read_options(options, "options");
+  ParityOptions p;
+  p.upper_factor = or_default(o.upper_factor, p.upper_factor);
+  p.fore_factor = or_default(o.fore_factor, p.fore_factor);
+  p.upper_mass = or_default(o.upper_mass_kg, p.upper_mass);
+  p.fore_mass = or_default(o.fore_mass_kg, p.fore_mass);
+  p.upper_stiffness = or_default(o.upper_stiffness_1_s2, p.upper_stiffness);
+  p.fore_stiffness = or_default(o.fore_stiffness_1_s2, p.fore_stiffness);
+  p.viscosity = or_default(o.viscosity_1_s, p.viscosity);
+  p.defects.strap_mask = !flag(o.own_straps, "own_straps");
+  p.defects.nominal_omissions = !flag(o.whole_nominal, "whole_nominal");
+  p.defects.self_contact = !flag(o.no_self_contact, "no_self_contact");
+  p.defects.tight_limits = !flag(o.wide_limits, "wide_limits");
+  return p;
 }
 
 const Viscoelasticity& joint_at(const ulna_viscoelastic* handle, int64_t joint) {
@@ -224,6 +249,15 @@ std::vector<double> impedance_rows(const MobilisedPlant& plant, const Matrix& an
 }
 
 }  // namespace
+
+ulna_status ulna_plant_new_published(const ulna_published_options* options,
+                                     ulna_plant** out_plant) {
+  return guarded([&] {
+    deref(out_plant, "out_plant");
+    auto plant = std::make_shared<const ParityPlant>(parity_of(options));
+    *out_plant = new ulna_plant{plant->plant(), nullptr, plant};
+  });
+}
 
 ulna_status ulna_mobilisation_new(const ulna_plant* plant, const ulna_plant* nominal,
                                   const ulna_protocol* protocol, ulna_token* token,

@@ -22,6 +22,7 @@
 #include "impedance/window.hpp"
 #include "passivity/verdict.hpp"
 #include "plant/exo_plant.hpp"
+#include "plant/parity_plant.hpp"
 #include "plant/planar_robot.hpp"
 #include "plant/soft/soft_plant.hpp"
 #include "record/csv.hpp"
@@ -131,6 +132,7 @@ struct ulna_system {
 struct ulna_plant {
   ulna::ExoPlant plant;
   std::shared_ptr<const ulna::SoftPlant> soft = nullptr;  // where soft interfaces hold the arm
+  std::shared_ptr<const ulna::ParityPlant> published = nullptr;  // the published simulation
 };
 
 struct ulna_run {

@@ -112,6 +112,11 @@ class Protocol:
     rate_limit_rad_s, follow_limit_rad, limit_margin_rad, time_limit_s
         Where a run ends: a joint is faster; further from its reference; a moved joint is beyond its
         range; computing takes longer.
+    reference_hold_s : float
+        The movement's reference changes only so often; 0: always.
+    published_flags : bool
+        In place of these limits only a moved joint that turns faster than 2 rad/s towards positive
+        angles ends a movement. An arm that leaves its strap goes unnoticed.
 
     Examples
     --------
@@ -154,11 +159,13 @@ class Protocol:
     follow_limit_rad: float = 20 * np.pi / 180
     limit_margin_rad: float = 0.0
     time_limit_s: float = 0.0
+    reference_hold_s: float = 0.0
+    published_flags: bool = False
 
     @classmethod
     def published(cls) -> Protocol:
         """The published settings: the arm falls, the torque is held for 10 ms."""
-        return cls(from_reference=True, torque="held")
+        return cls(from_reference=True, torque="held", reference_hold_s=0.01)
 
     def with_(self, **changes: Any) -> Protocol:
         """The protocol with other settings."""
@@ -180,7 +187,10 @@ class Protocol:
                 raise _refuse(f"{name} is {getattr(self, name)!r}; it must be 0 or more", name)
         if self.settle_s is not None and not self.settle_s >= 0:
             raise _refuse(f"settle_s is {self.settle_s!r}; it must be 0 or more", "settle_s")
-        plain = ("rest_s", "shoulder", "length_gain", "approach_s", "limit_margin_rad", "time_limit_s")
+        plain = (
+            "rest_s", "shoulder", "length_gain", "approach_s", "limit_margin_rad", "time_limit_s",
+            "reference_hold_s",
+        )  # fmt: skip
         return options(
             "ulna_protocol",
             moved=None if moved is None else list(moved),
@@ -194,6 +204,7 @@ class Protocol:
             from_reference=self.from_reference,
             carry_weight=self.carry_weight,
             balanced=self.balanced,
+            published_flags=self.published_flags,
             settle_s=None if self.settle_s is None else _zero(self.settle_s),
             **{name: _positive(getattr(self, name), name) for name in positive},
             **{name: _zero(getattr(self, name)) for name in or_none},

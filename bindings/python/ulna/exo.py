@@ -42,6 +42,12 @@ from ._exo_assessment import (
     with_errors,
 )
 from ._exo_patient import patient, population
+from ._exo_published import (
+    PUBLISHED_DEFECTS,
+    PublishedAssessment,
+    published_assessment,
+    published_simulation,
+)
 from ._exo_soft import (
     Bushing,
     Compression,
@@ -53,6 +59,7 @@ from ._exo_soft import (
 )
 
 __all__ = [
+    "PUBLISHED_DEFECTS",
     "Assessment",
     "Bushing",
     "Compression",
@@ -60,6 +67,7 @@ __all__ = [
     "InterfaceState",
     "Plant",
     "Protocol",
+    "PublishedAssessment",
     "Run",
     "Soft",
     "Viscoelasticity",
@@ -73,6 +81,8 @@ __all__ = [
     "muscle_impedance",
     "patient",
     "population",
+    "published_assessment",
+    "published_simulation",
     "read_device",
     "read_scene",
     "with_errors",

@@ -92,7 +92,7 @@ typedef struct ulna_protocol {
   int32_t from_reference;     /* 1: begins in the reference with the motors off, as published */
   int32_t carry_weight;       /* 1: the motors carry the nominal model's weight */
   int32_t balanced;           /* 1: the extensors balance the flexors at the start */
-  int32_t reserved;           /* zero */
+  int32_t published_flags;    /* 1: only a moved joint above +2 rad/s ends a movement */
   double duration_s;          /* of one way at speed 1; 0: 6 */
   double rest_s;              /* at both ends of a way */
   double settle_s;            /* 0: 0.5, or 2.5 from the reference; < 0: none */
@@ -117,6 +117,7 @@ typedef struct ulna_protocol {
   double follow_limit_rad;    /* from the reference; 0: 20 degrees */
   double limit_margin_rad;    /* beyond the range of a moved joint */
   double time_limit_s;        /* of computing; 0: none */
+  double reference_hold_s;    /* the movement's reference changes only so often; 0: always */
 } ulna_protocol;
 
 /** How a mobilisation ended. Nothing is filled in: without a record the slip is NaN.
@@ -190,6 +191,31 @@ typedef struct ulna_viscoelastic_joint {
   double model_residual_rms; /* nominal less true torque of the muscles, N m */
   double model_residual_max; /* N m */
 } ulna_viscoelastic_joint;
+
+/** The published simulation (Tesfazgi 2023), built again from its numbers, with the factors of its
+ * study and the defects of its plant as switches. Zero bytes are the nominal arm and every defect;
+ * those of the controller and of the estimator are in ulna_protocol and ulna_viscoelastic_options.
+ * @since 0.1 */
+typedef struct ulna_published_options {
+  int64_t struct_size;         /* sizeof(ulna_published_options) */
+  int32_t own_straps;          /* 1: firm straps; 0: 73 of 74 threads as soft as tissue */
+  int32_t whole_nominal;       /* 1: the nominal model has every mass of the plant, in its place */
+  int32_t no_self_contact;     /* 1: tissue and straps touch limb and device only */
+  int32_t wide_limits;         /* 1: ranges 10 degrees wider, so that the start is inside of them */
+  double upper_factor;         /* of the upper arm's length; 0: 1 */
+  double fore_factor;          /* of the forearm's length; 0: 1 */
+  double upper_mass_kg;        /* without soft tissue; 0: 1.761 */
+  double fore_mass_kg;         /* without soft tissue; 0: 0.962 */
+  double upper_stiffness_1_s2; /* of the tissue's constraints; 0: 537.5 */
+  double fore_stiffness_1_s2;  /* 0: 537.5 */
+  double viscosity_1_s;        /* 0: 111 */
+} ulna_published_options;
+
+/** Compiles the published simulation: 430 degrees of freedom; a run of it takes 0.7 GB of memory.
+ * @thread any
+ * @since 0.1 */
+ULNA_API ulna_status ulna_plant_new_published(const ulna_published_options *options,
+                                              ulna_plant **out_plant);
 
 /** Mobilises the arm of a plant. nominal: a plant whose description is the nominal model; NULL: the
  * plant's own. Descriptions that cannot be are refused in one sentence; what goes wrong in the run
