@@ -811,3 +811,53 @@ def test_estimates_and_intervals_over_many_designs(case, sampler):
     share = hits[vary].mean() / designs
     assert 0.86 < share < 0.94
     assert (np.abs(hits[vary] / designs - 0.9) < 0.04 + 3 * 0.021).all()
+
+
+# Functions that say how their runs ended ------------------------------------------------------------
+
+
+def test_a_run_table_carries_statuses(tmp_path):
+    sizes = []
+
+    def model(a, b):
+        sizes.append(len(a))
+        status = np.where(a > 0.9, "diverged", "ok").tolist()
+        values = np.column_stack([a + b, a * b])
+        values[0, 1] = np.nan if len(sizes) == 1 else values[0, 1]  # called ok, and is no number
+        messages = {i: f"a is {a[i]:.2f}" for i, word in enumerate(status) if word != "ok"}
+        return st.RunTable(values, status, np.full(len(a), 0.25), messages)
+
+    model.rows_at_once = 32
+    study = ulna.Study(
+        {"a": ulna.Uniform(0, 1), "b": ulna.Uniform(0, 1)}, model, outputs=("sum", "product"),
+        vectorized=True,
+    )  # fmt: skip
+    design = study.design(scheme="sample", n=128, seed=1)
+    runs = study.run(design, on_failure="drop_block", journal=tmp_path)
+    assert sizes == [32] * 4
+    lost = design.values()[:, 0] > 0.9
+    words = np.array(STATUSES)[runs.status]
+    assert (words[lost] == "diverged").all()
+    assert words[0] == "nonfinite" and np.isnan(runs.y[0]).all()
+    assert (words[~lost][1:] == "ok").all()
+    assert runs.wall_s == pytest.approx(0.25)
+    first = int(np.flatnonzero(lost)[0])
+    assert runs.messages[first].startswith("a is 0.9")
+    again = study.run(design, on_failure="drop_block", journal=tmp_path)
+    assert len(sizes) == 4
+    np.testing.assert_array_equal(again.y, runs.y)
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        (lambda a: st.RunTable(a, ["ok"]), "as many statuses"),
+        (lambda a: st.RunTable(a, ["ok"] * len(a), [1.0]), "as many statuses"),
+        (lambda a: st.RunTable(a, ["fine"] * len(a)), "has the status 'fine'"),
+        (lambda a: st.RunTable(a[:-1], ["ok"] * (len(a) - 1)), "returned an array of shape"),
+    ],
+)
+def test_wrong_run_tables_are_refused(table, words):
+    study = ulna.Study({"a": ulna.Uniform(0, 1)}, table, vectorized=True)
+    with pytest.raises(ulna.DataError, match=words):
+        study.sample(n=16)

@@ -15,7 +15,7 @@ from ._call import DataError
 from ._study_indices import STATUSES
 from .record import refuse
 
-__all__ = ["RunFailed"]
+__all__ = ["RunFailed", "RunTable"]
 
 
 class RunFailed(Exception):  # noqa: N818 - said by a model, not a defect of a call
@@ -39,6 +39,26 @@ class RunFailed(Exception):  # noqa: N818 - said by a model, not a defect of a c
 
     def __reduce__(self) -> Any:
         return RunFailed, (self.status, str(self))
+
+
+class RunTable(NamedTuple):
+    """What a vectorised function may return in place of an array: results with their statuses.
+
+    Attributes
+    ----------
+    values : array_like, shape (runs, outputs)
+    status : sequence of str
+        "ok", "failed_init", "diverged", "limit", "timeout", "nonfinite".
+    wall_s : array_like, optional
+        Time of each run, s.
+    messages : dict of int to str
+        Why runs have no result, by their place.
+    """
+
+    values: Any
+    status: Sequence[str]
+    wall_s: Any = None
+    messages: Mapping[int, str] = {}
 
 
 class Outcome(NamedTuple):
@@ -94,6 +114,9 @@ class Call:
         """Run a vectorised function at rows of points."""
         start = time.perf_counter()
         out = self.function(**{name: points[:, k].copy() for k, name in enumerate(self.names)})
+        table = out if isinstance(out, RunTable) else None
+        if table is not None:
+            out = table.values
         if isinstance(out, Mapping):
             out = np.column_stack([np.asarray(out[name], dtype=float) for name in self.outputs])
         out = np.asarray(out, dtype=float)
@@ -105,6 +128,8 @@ class Call:
                 f"the function returned an array of shape {out.shape}; {shape[0]} runs with "
                 f"{shape[1]} outputs need {shape}"
             )
+        if table is not None:
+            return self._of_table(table, out)
         wall = (time.perf_counter() - start) / len(points)
         good = np.isfinite(out).all(axis=1).tolist()
         lost = STATUSES.index("nonfinite")
@@ -112,6 +137,21 @@ class Call:
             Outcome(0, wall, values) if fine else Outcome(lost, wall, values, f"returned {values}")
             for values, fine in zip(out.tolist(), good, strict=True)
         ]
+
+    def _of_table(self, table: RunTable, values: np.ndarray) -> list[Outcome]:
+        walls = np.full(len(values), np.nan) if table.wall_s is None else np.asarray(table.wall_s)
+        if len(table.status) != len(values) or len(walls) != len(values):
+            raise wrong(f"a RunTable of {len(values)} runs needs as many statuses and times")
+        outcomes = []
+        for i, (status, wall, row) in enumerate(zip(table.status, walls, values, strict=True)):
+            if status not in STATUSES:
+                raise wrong(f"a RunTable has the status {status!r}; it must be one of {STATUSES}")
+            if status == "ok" and not np.isfinite(row).all():
+                status = "nonfinite"  # noqa: PLW2901 - a result that is none
+            message = "" if status == "ok" else table.messages.get(i, status)
+            lost = row if status == "ok" else np.full(len(row), np.nan)
+            outcomes.append(Outcome(STATUSES.index(status), float(wall), lost.tolist(), message))
+        return outcomes
 
     def _numbers(self, out: Any, row: int) -> np.ndarray:
         if isinstance(out, Mapping):

@@ -25,6 +25,11 @@ class Fixed:
     function: Callable[..., Any]
     fixed: Mapping[str, float]
 
+    @property
+    def rows_at_once(self) -> int:
+        """Rows that the function takes at once."""
+        return int(getattr(self.function, "rows_at_once", 4096))
+
     def prepare(self) -> None:
         """Load the function before the first run, where that is something to do."""
         prepare = getattr(self.function, "prepare", None)

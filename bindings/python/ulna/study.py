@@ -45,7 +45,7 @@ from ._study_indices import (
 from ._study_export import export, salib_files
 from ._study_journal import StudyJournal, plan_of
 from ._study_patient import Patient, PatientQuantity, patient
-from ._study_call import Call, RunFailed
+from ._study_call import Call, RunFailed, RunTable
 from ._study_progress import Meter, StudyProgress
 from ._study_run import NOT_RUN, Runner
 from ._study_salib import GivenData, factors_of_problem, given_data, problem_of
@@ -64,6 +64,7 @@ __all__ = [
     "Patient",
     "PatientQuantity",
     "RunFailed",
+    "RunTable",
     "Runs",
     "Screening",
     "SobolIndices",
