@@ -21,10 +21,12 @@
 #include "impedance/viscoelastic.hpp"
 #include "impedance/window.hpp"
 #include "passivity/verdict.hpp"
+#include "plant/engine/renderer.hpp"
 #include "plant/exo_plant.hpp"
 #include "plant/parity_plant.hpp"
 #include "plant/planar_robot.hpp"
 #include "plant/soft/soft_plant.hpp"
+#include "plant/soft_scenery.hpp"
 #include "record/csv.hpp"
 #include "signal/excitation.hpp"
 #include "signal/system.hpp"
@@ -32,6 +34,7 @@
 #include "study/indices.hpp"
 #include "study/journal.hpp"
 #include "study/sampling.hpp"
+#include "vision/picture.hpp"
 
 struct ulna_token {
   ulna::Token token;
@@ -138,6 +141,18 @@ struct ulna_plant {
 struct ulna_run {
   ulna::EngineRun run;
   std::shared_ptr<const ulna::SoftPlant> soft = nullptr;
+};
+
+struct ulna_renderer {
+  ulna::Renderer renderer;
+  std::shared_ptr<const ulna::SoftPlant> soft;  // whose interfaces are drawn
+  ulna::InterfaceLook look;
+  bool plain = false;        // interfaces are not drawn
+  std::vector<float> depth;  // of the last picture
+};
+
+struct ulna_video {
+  ulna::vision::VideoWriter writer;
 };
 
 struct ulna_mobilisation {

@@ -127,7 +127,9 @@ ExoPlant ExoPlant::written(EngineModel model, std::string text, const ExoScene& 
 }
 
 ExoPlant ExoPlant::changed(const std::vector<Change>& changes) const {
-  return {model_.changed(changes), ""};
+  ExoPlant other(model_.changed(changes), "");
+  other.scene_ = scene_;
+  return other;
 }
 
 const RigidTree& ExoPlant::nominal() const {

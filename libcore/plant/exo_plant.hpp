@@ -37,6 +37,9 @@ class ExoPlant {
   // What it was made from; throws Error (kUnsupported) like nominal().
   const ExoScene& scene() const;
 
+  // The description that it was made from, before changes, to draw it by; NULL for a file.
+  const ExoScene* described() const noexcept { return scene_.get(); }
+
   bool has_nominal() const noexcept { return nominal_ != nullptr; }
   const RigidTree& nominal() const;  // throws Error (kUnsupported) where there is none
 
