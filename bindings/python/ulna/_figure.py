@@ -22,6 +22,10 @@ SKY = "#56B4E9"
 GREY = "#8A8A8A"
 INK = "#222222"
 
+# From little to much: lightness falls evenly, so the order also holds without colour; the ends stay
+# apart from a white and from a dark page.
+SEQUENTIAL = ("#FBF0C4", "#F4BE55", "#E0701C", "#B8313F", "#7A0F4E")
+
 # Widths are those of a report page, so nothing is scaled and 8 point text stays 8 point.
 WIDTH_IN = 7.0
 
