@@ -87,12 +87,16 @@ _HOMES = {
     "ReflexEstimate": "reflex",
 }
 _MODULES = (
+    "assist",
+    "clocks",
     "design",
+    "effort",
     "exo",
     "joint",
     "models",
     "reflex",
     "signal",
+    "stats",
     "study",
     "systems",
     "teleoperation",

@@ -20,6 +20,7 @@
 #include <ulna/signal.h>
 #include <ulna/sim.h>
 #include <ulna/soft.h>
+#include <ulna/stats.h>
 #include <ulna/study.h>
 #include <ulna/system.h>
 
