@@ -9,7 +9,6 @@ feet and the acceleration of the pelvis.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
