@@ -1,6 +1,5 @@
 // The published simulation (Tesfazgi 2023) with its defects as switches, and the six factors of its
-// study. It is built again from its published numbers; nothing of it is copied. A number in
-// brackets behind a switch is that of the list of defects in docs/exoskeleton.md.
+// study. It is built again from its published numbers; nothing of it is copied.
 #pragma once
 
 #include "base/types.hpp"
