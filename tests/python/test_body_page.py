@@ -32,6 +32,7 @@ from ulna._body_scene import (  # noqa: E402
     colour_table,
     floor_height,
     rotation_matrix,
+    z_onto,
 )
 from ulna.record import ArgumentError  # noqa: E402
 
@@ -174,6 +175,12 @@ def test_rotation_matrix_against_a_library():
     q = np.random.default_rng(3).normal(size=(20, 4))
     expected = Rotation.from_quat(q[:, [1, 2, 3, 0]]).as_matrix()
     np.testing.assert_allclose(rotation_matrix(q), expected, atol=1e-14)
+
+
+def test_a_cylinder_is_laid_along_an_axis():
+    for axis in ([0, 0, 2.0], [0, 0, -1.0], [0, 3.0, 0], [1.0, -2.0, 0.5]):
+        along = rotation_matrix(z_onto(axis)) @ [0, 0, 1]
+        np.testing.assert_allclose(along, axis / np.linalg.norm(axis), atol=1e-12)
 
 
 def test_floor_is_below_the_lowest_foot():

@@ -100,7 +100,8 @@ def draw(
     ]
     half_width, bottom, top = _window(drawn, arrows, centres, view)
     # Beside the body there is room for the longest name of each side, the same in all pictures.
-    scale = (top - bottom) / _HEIGHT_IN
+    scale = (top - bottom) / (_HEIGHT_IN - 0.4)
+    top += 0.4 * scale  # for what stands above it
     room = [
         max(
             (0.055 * scale * len(m.words) + 0.03 for m in sum(marks, []) if m.left is left),
@@ -108,10 +109,17 @@ def draw(
         )
         for left in (True, False)
     ]
+    # What stands above the body needs its width as well.
+    heads = [
+        max(0.085 * len(one.name), 0.06 * len(_when(one, k)))
+        for one, k in zip(scenes, frames, strict=True)
+    ]
+    lacking = max(heads) * scale - 2 * half_width - sum(room)
+    room = [side + max(0.0, lacking / 2) for side in room]
 
     with style():
         width_in = max(1.5, (2 * half_width + sum(room)) / scale)
-        grid = axes_grid(axes, 1, len(scenes), (width_in * len(scenes) + 0.9, _HEIGHT_IN + 0.55))
+        grid = axes_grid(axes, 1, len(scenes), (width_in * len(scenes) + 1.1, _HEIGHT_IN + 0.4))
         for place, one, k, solids, ends, names, centre in zip(
             grid[0], scenes, frames, drawn, arrows, marks, centres, strict=True
         ):
@@ -119,12 +127,12 @@ def draw(
             _paint(place, one, solids, view, window)
             _arrows(place, ends, view)
             _names(place, one, names, centre, half_width)
-            value = one.series[k]
-            told = "" if np.isnan(value) else f" · {one.overall_name} {value:.3g} {one.unit}"
-            place.set_title(one.name, fontsize=9, pad=15)
             place.text(
-                0, 1.012, f"{one.time_s[k]:.2f} s{told}", transform=place.transAxes,
-                fontsize=7.5, color="#5B5B5B", va="bottom",
+                0, 1, one.name, transform=place.transAxes, fontsize=9, weight="bold", va="top"
+            )
+            place.text(
+                0, 1 - 0.19 / _HEIGHT_IN, _when(one, k), color="#5B5B5B",
+                transform=place.transAxes, fontsize=7.5, va="top",
             )  # fmt: skip
         _bar(grid, scenes, low, high, table)
         _legend(grid, scenes)
@@ -136,6 +144,13 @@ def colours_of(values: np.ndarray, low: float, high: float, table: np.ndarray) -
     share = np.clip((values - low) / (high - low), 0, 1)
     index = np.where(np.isnan(share), 0, np.round(share * (len(table) - 1))).astype(int)
     return np.where(np.isnan(share)[:, None], np.nan, table[index])
+
+
+def _when(scene: BodyScene, frame: int) -> str:
+    """What stands below the name of a condition."""
+    value = scene.series[frame]
+    told = "" if np.isnan(value) else f" · {scene.overall_name} {value:.3g} {scene.unit}"
+    return f"{scene.time_s[frame]:.2f} s{told}"
 
 
 def _frame(scene: BodyScene, frame: Any, name: str) -> int:

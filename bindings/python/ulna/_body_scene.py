@@ -409,6 +409,16 @@ def rotation_matrix(quaternion: Any) -> np.ndarray:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
+def z_onto(axis: Any) -> tuple[float, float, float, float]:
+    """The shortest turn that puts z onto an axis: the rotation of a cylinder that lies along it."""
+    x, y, z = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
+    if z < -1 + 1e-12:
+        return 0.0, 1.0, 0.0, 0.0
+    q = np.array([1 + z, -y, x, 0.0])
+    w, x, y, z = q / np.linalg.norm(q)
+    return float(w), float(x), float(y), float(z)
+
+
 def floor_height(scene: BodyScene) -> float:
     """Height of the lowest point of the body over all frames, in metres; 0 when no pose is known."""
     turns = rotation_matrix(scene.rotation)
