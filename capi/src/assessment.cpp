@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "arguments.hpp"
+#include "assessment.hpp"
 #include "guard.hpp"
 #include "handles.hpp"
 #include "plant/engine_mobilised.hpp"
@@ -258,6 +259,18 @@ ulna_status ulna_plant_new_published(const ulna_published_options* options,
     *out_plant = new ulna_plant{plant->plant(), nullptr, plant};
   });
 }
+
+namespace ulna::capi {
+
+Protocol read_protocol(const ulna_protocol* options) { return protocol_of(options); }
+
+ViscoelasticOptions read_estimator(const ulna_viscoelastic_options* options) {
+  return estimator_of(options);
+}
+
+const ExoScene& read_description(const ulna_plant& plant) { return description_of(plant); }
+
+}  // namespace ulna::capi
 
 ulna_status ulna_mobilisation_new(const ulna_plant* plant, const ulna_plant* nominal,
                                   const ulna_protocol* protocol, ulna_token* token,

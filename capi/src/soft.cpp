@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "arguments.hpp"
+#include "assessment.hpp"
 #include "guard.hpp"
 #include "handles.hpp"
 #include "plant/soft/compression.hpp"
@@ -105,6 +106,18 @@ RowMajor rows_of_reports(const std::vector<InterfaceReport>& reports, bool reduc
 }
 
 }  // namespace
+
+namespace ulna::capi {
+
+SoftScene read_soft(const ExoScene& scene, const ulna_soft_options& options) {
+  return soft_of(scene, options);
+}
+
+ReductionOptions read_reduction(const ulna_reduction_options* options) {
+  return reduction_of(options);
+}
+
+}  // namespace ulna::capi
 
 ulna_status ulna_plant_new_soft(const ulna_scene_options* scene, const ulna_soft_options* soft,
                                 ulna_plant** out_plant) {

@@ -398,6 +398,50 @@ def mobilise(
     )
 
 
+def estimator_options(
+    *,
+    joints: Sequence[str] | None = None,
+    published: bool = False,
+    friction: str | None = None,
+    damping_torque: bool | None = None,
+    inertia: bool | None = None,
+    human_angle: bool | None = None,
+    intercept: bool = True,
+    rate: bool | None = None,
+    errors: str = "newey-west",
+    count_misfit: bool = False,
+    lag_s: float = 0.4,
+    block_s: float = 0.4,
+    bootstrap: int = 1000,
+    level: float = 0.95,
+    seed: int = 0,
+) -> Any:
+    """An estimator as the library takes it; see :func:`identify_viscoelasticity`."""
+
+    def switch(value: bool | None, otherwise: bool) -> bool:
+        return otherwise if value is None else value
+
+    names = None if joints is None else list(joints)
+    return options(
+        "ulna_viscoelastic_options",
+        joints=names,
+        joint_count=None if names is None else len(names),
+        friction=_choice(friction or ("none" if published else "engine"), _FRICTIONS, "friction"),
+        no_damping_torque=not switch(damping_torque, not published),
+        no_inertia=not switch(inertia, not published),
+        human_angle=switch(human_angle, published),
+        no_intercept=not intercept,
+        no_rate=not switch(rate, not published),
+        errors=_choice(errors, _ERRORS, "errors"),
+        count_misfit=count_misfit,
+        hac_lag_s=_positive(lag_s, "lag_s"),
+        block_s=_positive(block_s, "block_s"),
+        bootstrap=_positive(bootstrap, "bootstrap"),
+        level=_positive(level, "level"),
+        seed=seed,
+    )
+
+
 def identify_viscoelasticity(
     record: Record,
     plant: Plant,
@@ -456,28 +500,23 @@ def identify_viscoelasticity(
     (<Viscoelasticity J4 K=-1.715±0.076 N m/rad>,)
     """
 
-    def switch(value: bool | None, otherwise: bool) -> bool:
-        return otherwise if value is None else value
-
     if not isinstance(record, Record):
         raise _refuse(f"record is a {type(record).__name__}, not a Record", "record")
-    names = None if joints is None else list(joints)
-    struct = options(
-        "ulna_viscoelastic_options",
-        joints=names,
-        joint_count=None if names is None else len(names),
-        friction=_choice(friction or ("none" if published else "engine"), _FRICTIONS, "friction"),
-        no_damping_torque=not switch(damping_torque, not published),
-        no_inertia=not switch(inertia, not published),
-        human_angle=switch(human_angle, published),
-        no_intercept=not intercept,
-        no_rate=not switch(rate, not published),
-        errors=_choice(errors, _ERRORS, "errors"),
+    struct = estimator_options(
+        joints=joints,
+        published=published,
+        friction=friction,
+        damping_torque=damping_torque,
+        inertia=inertia,
+        human_angle=human_angle,
+        intercept=intercept,
+        rate=rate,
+        errors=errors,
         count_misfit=count_misfit,
-        hac_lag_s=_positive(lag_s, "lag_s"),
-        block_s=_positive(block_s, "block_s"),
-        bootstrap=_positive(bootstrap, "bootstrap"),
-        level=_positive(level, "level"),
+        lag_s=lag_s,
+        block_s=block_s,
+        bootstrap=bootstrap,
+        level=level,
         seed=seed,
     )
     other = ffi.NULL if nominal is None else nominal._pointer

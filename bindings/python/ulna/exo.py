@@ -41,6 +41,7 @@ from ._exo_assessment import (
     muscle_impedance,
     with_errors,
 )
+from ._exo_batch import AssessmentBatch, AssessmentModel, assess_batch, published_factors
 from ._exo_patient import patient, population
 from ._exo_published import (
     PUBLISHED_DEFECTS,
@@ -61,6 +62,8 @@ from ._exo_soft import (
 __all__ = [
     "PUBLISHED_DEFECTS",
     "Assessment",
+    "AssessmentBatch",
+    "AssessmentModel",
     "Bushing",
     "Compression",
     "ElbowTorque",
@@ -71,6 +74,7 @@ __all__ = [
     "Run",
     "Soft",
     "Viscoelasticity",
+    "assess_batch",
     "compression_test",
     "exoskeleton",
     "fit_elbow_muscles",
@@ -82,6 +86,7 @@ __all__ = [
     "patient",
     "population",
     "published_assessment",
+    "published_factors",
     "published_simulation",
     "read_device",
     "read_scene",
@@ -519,6 +524,77 @@ def _links(device: Mapping[str, Any]) -> tuple[Array, list[str]]:
     return np.array(rows), names
 
 
+def _scene_options(
+    device: str | Path | Mapping[str, Any] | None = None,
+    *,
+    coupling: str = "rigid",
+    muscles: str = "fitted",
+    muscle_values: ArrayLike | None = None,
+    shoulder_muscles: bool = False,
+    published_straps: bool = False,
+    pronation: bool = False,
+    wrist: bool = False,
+    upper_factor: float | None = None,
+    fore_factor: float | None = None,
+    upper_mass_kg: float | None = None,
+    fore_mass_kg: float | None = None,
+    height_m: float | None = None,
+    mass_kg: float | None = None,
+    timestep_s: float | None = None,
+    solver_tolerance: float | None = None,
+    solver_iterations: int | None = None,
+    impratio: float | None = None,
+    elliptic_cones: bool = False,
+) -> Any:
+    """A scene as the library takes it; see :func:`exoskeleton`."""
+    table, names = None, None
+    if device is not None:
+        table, names = _links(
+            device if isinstance(device, Mapping) else read_device(device)
+        )
+    for name, value in (
+        ("upper_factor", upper_factor),
+        ("fore_factor", fore_factor),
+        ("upper_mass_kg", upper_mass_kg),
+        ("fore_mass_kg", fore_mass_kg),
+        ("height_m", height_m),
+        ("mass_kg", mass_kg),
+        ("timestep_s", timestep_s),
+        ("impratio", impratio),
+    ):
+        # Zero bytes mean a default to the library; a zero that somebody wrote is a mistake.
+        if value is not None and value == 0:
+            raise ArgumentError(
+                f"{name} must not be 0", status="ULNA_ERROR_ARGUMENT", argument=name
+            )
+    return options(
+        "ulna_scene_options",
+        coupling=_choice(coupling, _COUPLINGS, "coupling"),
+        muscles=_choice(muscles, _MUSCLES, "muscles"),
+        shoulder_muscles=shoulder_muscles,
+        published_straps=published_straps,
+        pronation=pronation,
+        wrist=wrist,
+        elliptic=elliptic_cones,
+        iterations=solver_iterations,
+        upper_factor=upper_factor,
+        fore_factor=fore_factor,
+        upper_mass_kg=upper_mass_kg,
+        fore_mass_kg=fore_mass_kg,
+        height_m=height_m,
+        mass_kg=mass_kg,
+        timestep_s=timestep_s,
+        tolerance=solver_tolerance,
+        impratio=impratio,
+        links=table,
+        link_names=names,
+        link_name_count=None if names is None else len(names),
+        muscle_values=None
+        if muscle_values is None
+        else np.asarray(muscle_values, dtype=float),
+    )
+
+
 def exoskeleton(
     device: str | Path | Mapping[str, Any] | None = None,
     *,
@@ -577,36 +653,15 @@ def exoskeleton(
     >>> exoskeleton(coupling="arm_only").names("joint")[-1]
     'elbow_flexion'
     """
-    table, names = None, None
-    if device is not None:
-        table, names = _links(
-            device if isinstance(device, Mapping) else read_device(device)
-        )
-    for name, value in (
-        ("upper_factor", upper_factor),
-        ("fore_factor", fore_factor),
-        ("upper_mass_kg", upper_mass_kg),
-        ("fore_mass_kg", fore_mass_kg),
-        ("height_m", height_m),
-        ("mass_kg", mass_kg),
-        ("timestep_s", timestep_s),
-        ("impratio", impratio),
-    ):
-        # Zero bytes mean a default to the library; a zero that somebody wrote is a mistake.
-        if value is not None and value == 0:
-            raise ArgumentError(
-                f"{name} must not be 0", status="ULNA_ERROR_ARGUMENT", argument=name
-            )
-    scene = options(
-        "ulna_scene_options",
-        coupling=_choice(coupling, _COUPLINGS, "coupling"),
-        muscles=_choice(muscles, _MUSCLES, "muscles"),
+    scene = _scene_options(
+        device,
+        coupling=coupling,
+        muscles=muscles,
+        muscle_values=muscle_values,
         shoulder_muscles=shoulder_muscles,
         published_straps=published_straps,
         pronation=pronation,
         wrist=wrist,
-        elliptic=elliptic_cones,
-        iterations=solver_iterations,
         upper_factor=upper_factor,
         fore_factor=fore_factor,
         upper_mass_kg=upper_mass_kg,
@@ -614,14 +669,10 @@ def exoskeleton(
         height_m=height_m,
         mass_kg=mass_kg,
         timestep_s=timestep_s,
-        tolerance=solver_tolerance,
+        solver_tolerance=solver_tolerance,
+        solver_iterations=solver_iterations,
         impratio=impratio,
-        links=table,
-        link_names=names,
-        link_name_count=None if names is None else len(names),
-        muscle_values=None
-        if muscle_values is None
-        else np.asarray(muscle_values, dtype=float),
+        elliptic_cones=elliptic_cones,
     )
     if soft is False or soft is None:
         return Plant(_Plant.make(lib.ulna_plant_new, scene))

@@ -376,7 +376,7 @@ class Runs:
         ...     quantities="K", observed={"seen": (5.5, 0.1)}
         ... )
         >>> patient["K"]
-        <PatientQuantity K=25.5±2, 22.2 to 28.8>
+        <PatientQuantity K=25.5±2, 22.12 to 28.95>
         """
         return patient(
             self,
@@ -897,7 +897,7 @@ class Study:
         ...     units={"mass": "kg", "length": "m", "y": "N m/rad"},
         ... )
         >>> print(study.patient(quantities={"y": 0.05}, seed=1)["y"].advice())
-        To halve the interval of y: measure mass to ±0.055 kg (standard error).
+        To halve the interval of y: measure mass to ±0.066 kg (standard error).
         """
         runs = self.sample(
             n=n or (1024 if method == "reweight" else 128),

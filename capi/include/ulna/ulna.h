@@ -5,6 +5,7 @@
 
 #include <ulna/assessment.h>
 #include <ulna/base.h>
+#include <ulna/batch.h>
 #include <ulna/design.h>
 #include <ulna/exo.h>
 #include <ulna/frf.h>
