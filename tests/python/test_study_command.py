@@ -427,3 +427,94 @@ def test_salib_there_and_back(tmp_path):
     assert not (tmp_path / "wide" / "params.csv").exists()
     with pytest.raises(ulna.ArgumentError, match="values of the factors"):
         study.read_outputs(y).to_salib(tmp_path / "none")
+
+
+# One patient ---------------------------------------------------------------------------------------
+
+SAMPLE = """
+model = "arm.py:arm"
+outputs = ["K", "K_est"]
+[units]
+K = "N m/rad"
+[factors.k]
+low = 2.0
+high = 8.0
+[factors.mass]
+distribution = "normal"
+mean = 1.3
+deviation = 0.2
+unit = "kg"
+[design]
+kind = "sample"
+n = 2048
+seed = 1
+"""
+
+
+@pytest.fixture
+def arm(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "arm.py").write_text(
+        "def arm(k, mass):\n    return {'K': k, 'K_est': k + 1.3 * (mass - 1.3)}\n"
+    )
+    path = tmp_path / "arm.toml"
+    path.write_text(SAMPLE)
+    return path
+
+
+def test_a_patient(arm, capsys):
+    pytest.importorskip("matplotlib")
+    call(capsys, "run", arm)
+    words = ("patient", arm, "--observed", "K_est=5.0:0.1", "--quantity", "K")
+    out, _ = call(capsys, *words)
+    assert "K: 5" in out and "N m/rad" in out and "mass" in out
+    told = json.loads(Path("arm/patient.json").read_text())
+    low, high = told["quantities"]["K"]["interval"]
+    # k - 5 = -1.3 (mass - 1.3) + error: a deviation of hypot(0.26, 0.1).
+    assert high - low == pytest.approx(2 * 1.645 * np.hypot(0.26, 0.1), rel=0.15)
+    assert told["observed"] == {"K_est": [5.0, 0.1]}
+    assert told["factors"]["mass"]["mean"] == pytest.approx(1.3, abs=0.05)
+    assert list(Path("arm/figures").glob("patient.*"))
+    out, _ = call(capsys, *words, "--json", "--no-figures", "--level", "0.5")
+    told = json.loads(out)
+    assert told["level"] == 0.5
+    low, high = told["quantities"]["K"]["interval"]
+    assert high - low == pytest.approx(2 * 0.6745 * np.hypot(0.26, 0.1), rel=0.15)
+    out, _ = call(
+        capsys, "patient", arm, "--quantity", "K=0.3", "--quantity", "K_est=K", "--no-figures"
+    )
+    assert "K_est" in out
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--observed", "K_est"), "is not NAME=VALUE:ERROR"),
+        (("--observed", "K_est=5"), "is not NAME=VALUE:ERROR"),
+        (("--observed", "K_est=five:0.1"), "is not NAME=VALUE:ERROR"),
+        (("--observed", "other=5:0.1"), "observed names no output 'other'"),
+        (("--observed", "K_est=5:0"), "standard error above 0"),
+        (("--quantity", "K="), "is not NAME or NAME=ERROR"),
+        (("--quantity", "other"), "no output 'other'"),
+        (("--observed", "K_est=50:0.1"), "standard errors from the closest"),
+    ],
+)
+def test_questions_about_a_patient_that_are_refused(arm, capsys, options, words):
+    call(capsys, "run", arm)
+    got = cli.main(["study", "patient", str(arm), "--no-figures", *options])
+    assert got != cli.OK
+    assert words in capsys.readouterr().err
+
+
+def test_a_patient_needs_runs(arm, capsys, elbow):
+    for path, words in ((arm, "holds no runs"), (elbow, "choose kind 'sample' or 'sobol'")):
+        assert cli.main(["study", "patient", str(path), "--no-figures"]) != cli.OK
+        assert words in capsys.readouterr().err
+    assert cli.main(["study", "patient", str(arm), "--level", "2"]) != cli.OK
+    assert "no number between 0 and 1" in capsys.readouterr().err
+
+
+def test_units_of_what_there_is_not(arm, capsys):
+    arm.write_text(SAMPLE.replace('K = "N m/rad"', 'L = "N m/rad"'))
+    assert cli.main(["study", "plan", str(arm)]) != cli.OK
+    assert "[units] must map outputs" in capsys.readouterr().err

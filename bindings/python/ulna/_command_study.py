@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from . import _command_patient
 from ._command import OK, Usage, add_command, check_folder, count, require_matplotlib
 
 UNFINISHED = 5  # runs are missing: another shard has them, or the time was up
@@ -24,6 +25,7 @@ def add_to(commands: Any) -> None:
         "  ulna study run elbow.toml --out out/elbow --workers 4\n"
         "  ulna study run elbow.toml --out part1 --shard 1/2\n"
         "  ulna study merge part1 part2 --into out/elbow\n"
+        "  ulna study patient elbow.toml --observed K_est=5.2:0.1 --quantity K\n"
         "  ulna study export elbow.toml --out out/elbow --to runs.parquet",
     )
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
@@ -82,6 +84,8 @@ def add_to(commands: Any) -> None:
     )
     export.set_defaults(run=_export)
 
+    _command_patient.add_to(verbs, _add_file)
+
     merge = add_command(
         verbs, "merge", summary="put the results of shards together",
         examples="  ulna study merge part1 part2 --into out/elbow",
@@ -108,7 +112,8 @@ def _shard(text: str) -> tuple[int, int]:
     return i, n
 
 
-def _folder(options: argparse.Namespace) -> Path:
+def folder_of(options: argparse.Namespace) -> Path:
+    """Folder of the results."""
     folder = Path(options.out) if options.out is not None else Path(options.file).with_suffix("")
     if options.out is None and folder == Path(options.file):
         raise Usage("--out is needed: the file has no ending to leave out")
@@ -125,7 +130,8 @@ def _need_figures(options: argparse.Namespace) -> None:
             raise Usage(words) from failure
 
 
-def _read(options: argparse.Namespace) -> Any:
+def read_file(options: argparse.Namespace) -> Any:
+    """The study's file, checked."""
     from ._study_file import read_study
 
     return read_study(options.file)
@@ -137,8 +143,8 @@ def _read(options: argparse.Namespace) -> Any:
 def _plan(options: argparse.Namespace) -> int:
     import numpy as np
 
-    file = _read(options)
-    folder = _folder(options)
+    file = read_file(options)
+    folder = folder_of(options)
     print(f"{file.title}: {file.kind}, outputs {', '.join(file.study.outputs)}")
     width = max(map(len, file.study.factors))
     for name, factor in file.study.factors.items():
@@ -173,8 +179,8 @@ class _Unfinished(Exception):
 def _run(options: argparse.Namespace) -> int:
     import contextlib
 
-    file = _read(options)
-    folder = _folder(options)
+    file = read_file(options)
+    folder = folder_of(options)
     _need_figures(options)
     if file.study.function is None:
         raise Usage(f"{file.path} names no model and no program to run")
@@ -335,7 +341,8 @@ def _tell(found: Any, folder: Path, options: argparse.Namespace) -> int:
 # analyse, export, merge ----------------------------------------------------------------------------
 
 
-def _collected(file: Any, folder: Path) -> Callable[[Any, Any, str], Any]:
+def collected(file: Any, folder: Path) -> Callable[[Any, Any, str], Any]:
+    """What runs a design by taking its runs from the journal, where all must be."""
     def execute(study: Any, design: Any, phase: str) -> Any:
         if not (folder / phase / "plan.json").exists():
             raise Usage(f"{folder} holds no runs of the phase {phase!r}: use `ulna study run` first")
@@ -351,10 +358,10 @@ def _collected(file: Any, folder: Path) -> Callable[[Any, Any, str], Any]:
 
 
 def _analyse(options: argparse.Namespace) -> int:
-    file = _read(options)
-    folder = _folder(options)
+    file = read_file(options)
+    folder = folder_of(options)
     _need_figures(options)
-    execute = _collected(file, folder)
+    execute = collected(file, folder)
     if options.outputs is not None:
         if file.kind == "two-phase":
             raise Usage("--outputs is for one design: choose kind sobol, screen or sample")
@@ -390,7 +397,7 @@ def _from_text(path: Path) -> Callable[[Any, Any, str], Any]:
 def _export(options: argparse.Namespace) -> int:
     import numpy as np
 
-    file = _read(options)
+    file = read_file(options)
     target = Path(options.to)
     if options.points:
         _, design = file.first_design()
@@ -398,14 +405,14 @@ def _export(options: argparse.Namespace) -> int:
         np.savetxt(target, design.values(), fmt="%.17g")
         print(f"points: {target} ({design.rows} rows: {', '.join(design.factors)})")
         return OK
-    folder = _folder(options)
+    folder = folder_of(options)
     if options.phase and file.kind != "two-phase":
         raise Usage("--phase is for a study of two phases")
     if file.study.function is None:
         raise Usage(f"{file.path} names no model: there are no runs to export")
     name, design = file.first_design()
     if file.kind == "two-phase" and options.phase != "screen":
-        runs = _execute(file, _collected(file, folder)).runs
+        runs = _execute(file, collected(file, folder)).runs
         runs = runs.get("rank") or runs["screen"]
     else:
         # Also while it runs: rows without a result say so.

@@ -33,8 +33,8 @@ _DISTRIBUTIONS: dict[str, type[Factor]] = {
     "log-uniform": LogUniform,
     "discrete": Discrete,
 }
-_TOP = ("title", "model", "program", "outputs", "vectorized", "factors", "groups", "design",
-        "run", "budget", "analysis")  # fmt: skip
+_TOP = ("title", "model", "program", "outputs", "units", "vectorized", "factors", "groups",
+        "design", "run", "budget", "analysis")  # fmt: skip
 _SCREEN = ("scheme", "guard", "levels")
 _RANK = ("second_order", "replicates", "dummy")
 _DESIGN = {
@@ -114,6 +114,10 @@ def _checked(source: Path, given: dict[str, Any]) -> StudyFile:
         isinstance(outputs, list) and outputs and all(isinstance(o, str) for o in outputs)
     ):
         raise refuse('outputs must be a list of names, as ["K", "D"]', "outputs")
+    more = given.get("units", {})
+    if not isinstance(more, dict) or set(more) - set(outputs or ["y"]):
+        raise refuse('[units] must map outputs to text, as K = "N m/rad"', "units")
+    units |= more
     run = _section(given, "run", _RUN)
     on_failure = run.pop("on_failure", "drop_block")
     analysis = _section(given, "analysis", _ANALYSIS)
@@ -150,7 +154,7 @@ def _checked(source: Path, given: dict[str, Any]) -> StudyFile:
         outputs=outputs,
         groups=groups,
         vectorized=bool(given.get("vectorized", False)),
-        units=units,
+        units={name: unit for name, unit in units.items() if unit},
     )
     found = StudyFile(
         path=source,
