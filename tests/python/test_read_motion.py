@@ -1,5 +1,6 @@
 """Motion-capture files: written here, read back, and spoiled in every way a laboratory finds."""
 
+import re
 import struct
 
 import numpy as np
@@ -112,6 +113,23 @@ def test_mvnx_keeps_a_missing_element_as_missing():
     assert not np.isnan(log["Pelvis_qw"]).any()
 
 
+def test_mvnx_is_the_same_however_many_frames_are_parsed_at_once(monkeypatch):
+    data = mvnx(frames=40)[0]
+    whole = ulna.read(data).values.copy()
+    for count in (1, 7, 20, 40):
+        monkeypatch.setattr("ulna._read_mvnx._FRAMES_AT_ONCE", count)
+        np.testing.assert_array_equal(ulna.read(data).values, whole)
+    # An element that begins late or ends early is missing elsewhere.
+    monkeypatch.setattr("ulna._read_mvnx._FRAMES_AT_ONCE", 8)
+    parts = data.split(b"<frame ")
+    for begin, end in ((2, 20), (30, 42)):
+        cut = [re.sub(rb"<centerOfMass>.*</centerOfMass>", b"", part) for part in parts[begin:end]]
+        log = ulna.read(b"<frame ".join([*parts[:begin], *cut, *parts[end:]]))
+        missing = np.flatnonzero(np.isnan(log["center_of_mass_x"]))
+        assert missing.tolist() == list(range(begin - 2, min(end, 42) - 2))
+        np.testing.assert_array_equal(log["Pelvis_qw"], whole[:, 0])
+
+
 @pytest.mark.parametrize(
     ("spoil", "words"),
     [
@@ -125,7 +143,7 @@ def test_mvnx_keeps_a_missing_element_as_missing():
         (lambda t: t.replace("<jointAngle>", "<jointAngle>abc ", 1), "no number"),
         (lambda t: t.replace("<jointAngle>", "<jointAngle>1 ", 1), "numbers"),
         (lambda t: t.replace('type="normal"', 'type="tpose"'), "no frames"),
-        (lambda t: t.replace("<mvn ", '<!DOCTYPE a [<!ENTITY b "c">]><mvn '), "document type"),
+        (lambda t: t.replace("<mvnx ", '<!DOCTYPE a [<!ENTITY b "c">]><mvnx '), "document type"),
         (lambda t: "<?xml version='1.0'?><other/>", "no MVNX"),
     ],
 )

@@ -83,6 +83,9 @@ def table_of(lines: Sequence[str], *, first_line: int, columns: int, name: str) 
         rows.pop()
     if len(rows) * columns > MAX_CELLS:
         raise broken(f"{name} has {len(rows)} rows of {columns} columns, more than can be held")
+    fast = _whole_table(rows, columns)
+    if fast is not None:
+        return fast
     out = np.empty((len(rows), columns))
     for index, row in enumerate(rows):
         cells = row.rstrip("\r\n ").split("\t") if "\t" in row else row.split()
@@ -101,6 +104,17 @@ def table_of(lines: Sequence[str], *, first_line: int, columns: int, name: str) 
         except ValueError:
             out[index] = [_number(cell, place, name) for cell in cells]
     return out
+
+
+def _whole_table(rows: Sequence[str], columns: int) -> np.ndarray | None:
+    """The numbers at once, where every cell is there; row by row names what is wrong."""
+    if not rows or any("\t\t" in row or row.startswith("\t") for row in rows):
+        return None
+    try:
+        table = np.loadtxt(rows, comments=None, ndmin=2)
+    except ValueError:
+        return None
+    return table if table.shape == (len(rows), columns) else None
 
 
 def _number(cell: str, place: str, name: str) -> float:

@@ -9,11 +9,11 @@ gravity, as an accelerometer reads it.
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
+from xml.parsers import expat
 
 import numpy as np
 
@@ -46,6 +46,9 @@ _SIGNALS: Mapping[str, tuple[str, str, tuple[str, ...], str, str]] = {
     "jointAngle": ("joint", "angle_", _AXES, "deg", "ZXY"),
     "centerOfMass": ("body", "center_of_mass_", _AXES, "m", _GLOBAL),
 }
+
+# Numbers of so many frames are parsed together, which is three times as fast as one by one.
+_FRAMES_AT_ONCE = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +89,7 @@ def read(source: Any, contents: bytes | None, *, rules: Sequence[Any], progress:
     suit, frames = _parse(source, contents, name)
     columns = []
     count = len(frames.index)
-    for element, rows in frames.values.items():
+    for element, table in frames.values.items():
         whose, prefix, parts, unit, frame = _SIGNALS[element]
         owners = {
             "segment": suit.segments,
@@ -94,7 +97,6 @@ def read(source: Any, contents: bytes | None, *, rules: Sequence[Any], progress:
             "joint": suit.joints,
             "body": ("",),
         }[whose]
-        table = np.asarray(rows)
         if element == "centerOfMass":
             table = table[:, :3]  # newer files add its velocity and acceleration
         width = len(owners) * len(parts)
@@ -125,95 +127,181 @@ def read_suit(source: Any, contents: bytes | None) -> Suit:
 class _Frames:
     """Numbers of the frames as they are read; a missing element of a frame is a row of NaN."""
 
-    def __init__(self) -> None:
+    def __init__(self, name: str) -> None:
+        self.name = name
         self.index: list[int] = []
         self.time_ms: list[float] = []
-        self.values: dict[str, list[np.ndarray]] = {}
+        self.values: dict[str, np.ndarray] = {}
+        self._tables: dict[str, list[np.ndarray]] = {}
+        self._texts: dict[str, list[str | None]] = {}
+        self._done = 0  # frames whose text has become numbers
 
-    def add(self, frame: Any, name: str) -> None:
-        number = frame.get("index")
-        where = f"frame {number}"
+    def add(self, number: str | None, stamp: str | None, texts: Mapping[str, str]) -> None:
         try:
-            self.index.append(int(number))
-            self.time_ms.append(float(frame.get("time", "nan")))
-        except (TypeError, ValueError):
+            self.index.append(int(number or ""))
+            self.time_ms.append(float(stamp or "nan"))
+        except ValueError:
             raise broken(
-                f"a frame of {name} has the index {number!r}, which is no number"
+                f"a frame of {self.name} has the index {number!r} and the time {stamp!r}, one of which "
+                "is no number"
             ) from None
-        seen = {}
-        for item in frame:
-            element = _tag(item)
-            if element in _SIGNALS:
-                seen[element] = _numbers(item, element, where, name)
-        before = len(self.index) - 1
-        for element, numbers in seen.items():
-            rows = self.values.setdefault(element, [np.full(len(numbers), np.nan)] * before)
-            if rows and len(rows[-1]) != len(numbers):
-                raise broken(
-                    f"{where} of {name} has {len(numbers)} numbers in <{element}>, the frame before "
-                    f"has {len(rows[-1])}",
+        before = len(self.index) - 1 - self._done
+        for element, text in texts.items():
+            self._texts.setdefault(element, [None] * before).append(text)
+        for rows in self._texts.values():
+            if len(rows) == before:
+                rows.append(None)
+        if before + 1 >= _FRAMES_AT_ONCE:
+            self._convert()
+
+    def finish(self) -> None:
+        self._convert()
+        self.values = {element: np.concatenate(parts) for element, parts in self._tables.items()}
+
+    def _convert(self) -> None:
+        count = len(self.index) - self._done
+        for element, rows in self._texts.items():
+            if count == 0:
+                break
+            parts = self._tables.get(element, [])
+            given = [at for at, text in enumerate(rows) if text]
+            words = [str(rows[at]) for at in given]
+            rows.clear()
+            if not words and not parts:
+                continue  # how many numbers it holds is not known yet
+            try:
+                numbers = np.loadtxt(words, comments=None, ndmin=2) if words else None
+            except ValueError:
+                raise self._where(element, given, words) from None
+            width = parts[-1].shape[1] if parts else numbers.shape[1]
+            if numbers is not None and numbers.shape[1] != width:
+                raise self._where(element, given, [" ".join(["0"] * width), *words])
+            table = np.full((count, width), np.nan)
+            if numbers is not None:
+                table[given] = numbers
+            if self._done and not parts:
+                parts.append(np.full((self._done, width), np.nan))
+            self._tables[element] = [*parts, table]
+        self._done = len(self.index)
+
+    def _where(self, element: str, given: Sequence[int], words: Sequence[str]) -> Exception:
+        """The error of the first row that does not fit."""
+        width = len(words[0].split())
+        extra = len(words) - len(given)  # a row from before, to compare with
+        for at, text in enumerate(words):
+            frame = self.index[self._done + given[max(at - extra, 0)]]
+            where = f"frame {frame}"
+            try:
+                count = len([float(word) for word in text.split()])
+            except ValueError:
+                return broken(
+                    f"<{element}> in {where} of {self.name} holds text that is no number",
                     where=where,
                 )
-            rows.append(numbers)
-        for rows in self.values.values():
-            if len(rows) == before:
-                rows.append(np.full(len(rows[-1]), np.nan))
+            if count != width:
+                return broken(
+                    f"{where} of {self.name} has {count} numbers in <{element}>, the frame before has "
+                    f"{width}",
+                    where=where,
+                )
+        return broken(f"<{element}> in {self.name} holds text that is no number")
+
+
+class _Reader:
+    """Takes an MVNX file apart as it streams by: no tree is built."""
+
+    def __init__(self, name: str, motion: bool) -> None:
+        self.name = name
+        self.motion = motion
+        self.frames = _Frames(name)
+        self.lists: dict[str, list[str]] = {"segment": [], "sensor": [], "joint": []}
+        self.points: dict[str, np.ndarray] = {}
+        self.connections: dict[str, tuple[str, str]] = {}
+        self.poses: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        self.rate = np.nan
+        self.all_frames_seen = False
+        self._frame: dict[str, str] | None = None
+        self._texts: dict[str, str] = {}
+        self._ends: list[str] = []
+        self._point = ""
+        self._words: list[str] | None = None  # text of the element that is being read
+
+    def start(self, tag: str, attributes: dict[str, str]) -> None:
+        tag = tag.rpartition(":")[2]
+        if self._frame is not None:
+            self._words = [] if tag in _SIGNALS else None
+        elif tag == "frame":
+            self._frame, self._texts = attributes, {}
+        elif tag == "subject":
+            self.rate = _positive(attributes.get("frameRate"), "frameRate", self.name)
+        elif tag in self.lists and attributes.get("label"):
+            self.lists[tag].append(attributes["label"])
+            self._ends = []
+        elif tag == "point":
+            self._point = attributes.get("label", "")
+        elif tag == "pos_b" or tag.startswith("connector"):
+            self._words = []
+
+    def text(self, words: str) -> None:
+        if self._words is not None:
+            self._words.append(words)
+
+    def end(self, tag: str) -> None:
+        tag = tag.rpartition(":")[2]
+        words, self._words = self._words, None
+        text = "".join(words or []).strip()
+        if tag == "frame" and self._frame is not None:
+            self._end_of_frame(self._frame)
+            self._frame = None
+        elif self._frame is not None:
+            if words is not None:
+                self._texts[tag] = text
+        elif tag == "pos_b" and self.lists["segment"]:
+            label = f"{self.lists['segment'][-1]}/{self._point}"
+            place = _numbers(text, f"the point {label}", self.name)
+            if place.shape != (3,):
+                raise broken(f"the point {label} of {self.name} must have three coordinates")
+            self.points[label] = place
+        elif tag.startswith("connector"):
+            self._ends.append(text)
+        elif tag == "joint" and len(self._ends) == 2 and self.lists["joint"]:
+            self.connections[self.lists["joint"][-1]] = (self._ends[0], self._ends[1])
+        elif tag == "frames":
+            self.all_frames_seen = True
+
+    def document_type(self, *_: Any) -> None:
+        # Entities can blow a small file up to all memory; MVNX needs none.
+        raise broken(f"{self.name} declares a document type, which no MVNX file does")
+
+    def _end_of_frame(self, frame: Mapping[str, str]) -> None:
+        kind = frame.get("type", "normal")
+        if kind == "normal":
+            if self.motion:
+                self.frames.add(frame.get("index"), frame.get("time"), self._texts)
+            return
+        found = {
+            element: _numbers(self._texts[element], f"the {kind} frame", self.name)
+            for element in ("orientation", "position")
+            if element in self._texts
+        }
+        if (
+            len(found) == 2
+            and found["orientation"].size % 4 == 0
+            and found["position"].size % 3 == 0
+        ):
+            self.poses[kind] = found["orientation"].reshape(-1, 4), found["position"].reshape(-1, 3)
 
 
 def _parse(
     source: Any, contents: bytes | None, name: str, *, motion: bool = True
 ) -> tuple[Suit, _Frames]:
-    frames = _Frames()
-    lists: dict[str, list[str]] = {"segment": [], "sensor": [], "joint": []}
-    points: dict[str, np.ndarray] = {}
-    connections: dict[str, tuple[str, str]] = {}
-    poses: dict[str, tuple[np.ndarray, np.ndarray]] = {}
-    rate = np.nan
-    inside: list[Any] = []
-    for event, item in _events(source, contents, name):
-        tag = _tag(item)
-        if event == "start":
-            inside.append(item)
-            if tag == "subject":
-                rate = _positive(item.get("frameRate"), "frameRate", name)
-            continue
-        inside.pop()
-        if tag in ("segment", "sensor", "joint") and item.get("label"):
-            lists[tag].append(item.get("label"))
-            if tag == "segment":
-                _put_points(item, points, name)
-            ends = [child.text or "" for child in item if _tag(child).startswith("connector")]
-            if tag == "joint" and len(ends) == 2:
-                connections[item.get("label")] = (ends[0].strip(), ends[1].strip())
-        elif tag == "frame":
-            kind = item.get("type", "normal")
-            if kind != "normal":
-                _put_pose(item, kind, poses, name)
-            elif motion:
-                frames.add(item, name)
-            # The tree would otherwise grow to many times the file.
-            item.clear()
-            if inside:
-                inside[-1].clear()
-        if tag == "frames" and not motion:
-            break
-    if not lists["segment"] or not rate > 0:
-        raise broken(f"{name} has no <subject> with a frameRate and segments: it is no MVNX file")
-    if motion and not frames.index:
-        raise broken(f"{name} holds no frames of motion")
-    suit = Suit(
-        tuple(lists["segment"]),
-        tuple(lists["sensor"]),
-        tuple(lists["joint"]),
-        points,
-        connections,
-        poses,
-        float(rate),
-    )
-    return suit, frames
-
-
-def _events(source: Any, contents: bytes | None, name: str) -> Iterator[tuple[str, Any]]:
+    reader = _Reader(name, motion)
+    parser = expat.ParserCreate()
+    parser.buffer_text = True
+    parser.StartElementHandler = reader.start
+    parser.EndElementHandler = reader.end
+    parser.CharacterDataHandler = reader.text
+    parser.StartDoctypeDeclHandler = reader.document_type
     try:
         file = Path(source).open("rb") if contents is None else io.BytesIO(contents)
     except OSError as failure:
@@ -221,22 +309,34 @@ def _events(source: Any, contents: bytes | None, name: str) -> Iterator[tuple[st
             f"{str(source)!r} cannot be read: {failure.strerror}", status="ULNA_ERROR_FILE"
         ) from failure
     with file:
-        # Entities can blow a small file up to all memory; MVNX needs none.
-        if b"<!" in file.read(4096).replace(b"<!--", b""):
-            raise broken(f"{name} declares a document type, which no MVNX file does")
-        file.seek(0)
         try:
-            yield from ElementTree.iterparse(file, events=("start", "end"))
-        except ElementTree.ParseError as failure:
-            line = failure.position[0]
+            while chunk := file.read(1 << 20):
+                parser.Parse(chunk, False)
+                if reader.all_frames_seen and not motion:
+                    break
+            else:
+                parser.Parse(b"", True)
+        except expat.ExpatError as failure:
+            reason = expat.errors.messages.get(failure.code, "not well formed")
             raise broken(
-                f"{name} breaks off or is damaged at line {line} ({failure}): export it again",
-                where=f"line {line}",
+                f"{name} breaks off or is damaged at line {failure.lineno} ({reason}): export it again",
+                where=f"line {failure.lineno}",
             ) from failure
-
-
-def _tag(item: Any) -> str:
-    return str(item.tag).rpartition("}")[2]
+    if not reader.lists["segment"] or not reader.rate > 0:
+        raise broken(f"{name} has no <subject> with a frameRate and segments: it is no MVNX file")
+    if motion and not reader.frames.index:
+        raise broken(f"{name} holds no frames of motion")
+    reader.frames.finish()
+    suit = Suit(
+        tuple(reader.lists["segment"]),
+        tuple(reader.lists["sensor"]),
+        tuple(reader.lists["joint"]),
+        reader.points,
+        reader.connections,
+        reader.poses,
+        float(reader.rate),
+    )
+    return suit, reader.frames
 
 
 def _positive(text: str | None, what: str, name: str) -> float:
@@ -249,38 +349,11 @@ def _positive(text: str | None, what: str, name: str) -> float:
     return value
 
 
-def _numbers(item: Any, element: str, where: str, name: str) -> np.ndarray:
-    words = (item.text or "").split()
+def _numbers(text: str, where: str, name: str) -> np.ndarray:
     try:
-        return np.array(words, dtype=float)
+        return np.array([float(word) for word in text.split()])
     except ValueError:
-        raise broken(
-            f"<{element}> in {where} of {name} holds text that is no number", where=where
-        ) from None
-
-
-def _put_points(segment: Any, points: dict[str, np.ndarray], name: str) -> None:
-    for point in segment.iter():
-        if _tag(point) != "point":
-            continue
-        label = f"{segment.get('label')}/{point.get('label')}"
-        place = [child for child in point if _tag(child) == "pos_b"]
-        if place:
-            points[label] = _numbers(place[0], "pos_b", f"point {label}", name)
-            if points[label].shape != (3,):
-                raise broken(f"the point {label} of {name} must have three coordinates")
-
-
-def _put_pose(
-    frame: Any, kind: str, poses: dict[str, tuple[np.ndarray, np.ndarray]], name: str
-) -> None:
-    found = {
-        _tag(item): _numbers(item, _tag(item), f"the {kind} frame", name)
-        for item in frame
-        if _tag(item) in ("orientation", "position")
-    }
-    if len(found) == 2 and found["orientation"].size % 4 == 0 and found["position"].size % 3 == 0:
-        poses[kind] = (found["orientation"].reshape(-1, 4), found["position"].reshape(-1, 3))
+        raise broken(f"{where} of {name} holds text that is no number", where=where) from None
 
 
 def _clock(frames: _Frames, rate_hz: float, name: str) -> np.ndarray:
