@@ -475,8 +475,11 @@ def test_a_patient(arm, capsys):
     assert told["observed"] == {"K_est": [5.0, 0.1]}
     assert told["factors"]["mass"]["mean"] == pytest.approx(1.3, abs=0.05)
     assert list(Path("arm/figures").glob("patient.*"))
-    out, _ = call(capsys, *words, "--json", "--no-figures", "--level", "0.5")
+    out, _ = call(
+        capsys, *words, "--json", "--no-figures", "--level", "0.5", "--measurable", "mass"
+    )
     told = json.loads(out)
+    assert set(told["quantities"]["K"]["known"]) == {"mass"}
     assert told["level"] == 0.5
     low, high = told["quantities"]["K"]["interval"]
     assert high - low == pytest.approx(2 * 0.6745 * np.hypot(0.26, 0.1), rel=0.15)

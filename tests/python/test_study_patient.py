@@ -203,6 +203,21 @@ def test_two_factors_that_halve_only_together():
     assert "knowing a and b" in words or "knowing b and a" in words
 
 
+def test_only_what_can_be_measured_is_advised(linear_runs):
+    every = linear_runs.patient(quantities={"K": ERROR}, observed={"z": (Z, Z_ERROR)})["K"]
+    some = linear_runs.patient(
+        quantities={"K": ERROR}, observed={"z": (Z, Z_ERROR)}, measurable=("l", "t")
+    )["K"]
+    assert some.interval == every.interval
+    assert set(some.known) == {"l", "t"}
+    assert some.known["l"] == every.known["l"]
+    assert not some.to_halve
+    assert [name for name, _ in some.together] == ["l", "t"]
+    none = linear_runs.patient(quantities={"K": ERROR}, measurable=())["K"]
+    assert none.advice() == "Nothing can be measured better for K."
+    assert not none.known
+
+
 def test_a_quantity_that_does_not_vary():
     study = ulna.Study({"x": ulna.Uniform(0, 1)}, lambda x: 0 * x + 4.0, vectorized=True)
     one = study.patient(n=64)["y"]
@@ -340,6 +355,8 @@ def test_what_an_emulator_needs(monkeypatch, linear_study):
         ({"observed": {"z": 1.0, "K": 1.0}, "covariance": [[1.0, 0.5], [0.2, 1.0]]}, "symmetric"),
         ({"observed": {"z": (1.0, 1.0)}, "covariance": [[1.0]]}, "finite values"),
         ({"on_failure": "surface"}, "left out"),
+        ({"measurable": ("mass",)}, "must be names of factors: m, l, t"),
+        ({"measurable": "m"}, "must be names of factors"),
     ],
 )
 def test_bad_questions_are_refused(linear_runs, chosen, words):

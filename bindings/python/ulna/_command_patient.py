@@ -32,6 +32,10 @@ def add_to(verbs: Any, add_file: Any) -> None:
         "(default: every output)",
     )  # fmt: skip
     parser.add_argument(
+        "--measurable", action="append", metavar="FACTOR",
+        help="a factor that could be measured better (default: every factor)",
+    )  # fmt: skip
+    parser.add_argument(
         "--method", choices=("reweight", "emulator"), default="reweight",
         help="the runs themselves, or a Gaussian process that learns from them",
     )  # fmt: skip
@@ -104,6 +108,7 @@ def _run(options: argparse.Namespace) -> int:
     found = runs.patient(
         quantities=quantities,
         observed=observed or None,
+        measurable=options.measurable,
         method=options.method,
         level=options.level,
         seed=file.design["seed"],

@@ -48,6 +48,7 @@ def patient(
     joints: Sequence[str] | None = None,
     observed: Mapping[str, Any] | None = None,
     covariance: Any = None,
+    measurable: Sequence[str] | None = None,
     method: str = "reweight",
     n: int | None = None,
     level: float = 0.9,
@@ -73,7 +74,7 @@ def patient(
         Makes the plant of an arm from the factors by name; :func:`exoskeleton` by default.
     joints : sequence of str, optional
         Default: those that moved. With more than one the quantities are "K_J3", "D_J3", ...
-    observed, covariance, method, n, level, seed
+    observed, covariance, measurable, method, n, level, seed
         See :meth:`ulna.Study.patient`.
     identify : dict, optional
         More for :func:`identify_viscoelasticity`.
@@ -136,6 +137,7 @@ def patient(
         quantities=quantities,
         observed=observed,
         covariance=covariance,
+        measurable=measurable,
         method=method,
         level=level,
         seed=seed,

@@ -46,7 +46,7 @@ class PatientQuantity:
     noise_deviation : float
         What of `deviation` is the measurement's own: left if every factor were known.
     known : dict of str to float
-        Share of the width that is left when the factor is known exactly.
+        Share of the width that is left when the factor is known exactly; of measurable factors.
     halved : dict of str to float
         The same when a measurement halves the factor's own uncertainty.
     to_halve : dict of str to float
@@ -79,6 +79,8 @@ class PatientQuantity:
         """One sentence: what to measure, and how well, to halve the interval."""
         if self.deviation == 0.0:
             return f"{self.name} is the same for all values of the factors."
+        if not self.known:
+            return f"Nothing can be measured better for {self.name}."
         if self.to_halve:
             ways = [
                 f"measure {name} to ±{self.to_halve[name]:.2g}{_space(self.units.get(name, ''))}"
@@ -108,7 +110,7 @@ class PatientQuantity:
             f"{self.name}: {self.mean:.4g}{unit}, {low:.4g} to {high:.4g} "
             f"(ends ±{max(self.interval_error):.1g})"
         ]
-        if self.deviation > 0.0:
+        if self.known:
             share = 100 * self.noise_deviation / self.deviation
             lines.append(f"  with all factors known {share:.0f} % of the deviation would be left")
             width = max(6, *map(len, self.known))
@@ -591,6 +593,7 @@ def patient(
     quantities: Any,
     observed: Mapping[str, Any] | None,
     covariance: Any,
+    measurable: Sequence[str] | None,
     method: str,
     level: float,
     seed: int,
@@ -602,6 +605,10 @@ def patient(
     if not 0.0 < level < 1.0:
         raise refuse(f"level is {level!r}; it must lie between 0 and 1", "level")
     wanted = _wanted(runs, quantities)
+    names_of = runs.design.function_factors
+    chosen = names_of if measurable is None else tuple(measurable)
+    if isinstance(measurable, str) or set(chosen) - set(names_of):
+        raise refuse(f"measurable must be names of factors: {', '.join(names_of)}", "measurable")
     if observed is not None and not isinstance(observed, Mapping):
         raise refuse("observed must map outputs to a value and its standard error", "observed")
     for name in observed or {}:
@@ -640,8 +647,8 @@ def patient(
             own = np.full(len(sample.x), float(error or 0.0))
         own = np.hypot(own, sample.error[name])
         found[name] = _quantity(
-            name, factors, sample.x, sample.value[name], own, weight, level, effective, units
-        )
+            name, factors, sample.x, sample.value[name], own, weight, level, effective, units, chosen
+        )  # fmt: skip
     return Patient(
         quantities=found,
         level=level,
@@ -661,6 +668,7 @@ def patient(
 def _quantity(
     name: str, factors: Mapping[str, Factor], x: np.ndarray, value: np.ndarray, error: np.ndarray,
     weight: np.ndarray, level: float, effective: float, units: Mapping[str, str],
+    measurable: Sequence[str],
 ) -> PatientQuantity:  # fmt: skip
     mean = float(weight @ value)
     noise = float(np.sqrt(weight @ error**2))
@@ -677,6 +685,8 @@ def _quantity(
     if deviation > 0.0:
         scale = {}
         for k, (one, factor) in enumerate(factors.items()):
+            if one not in measurable:
+                continue
             along = _Along(factor, x[:, k], value, error, weight, effective)
             scale[one] = along.scale
             now = along.width(np.inf, level)

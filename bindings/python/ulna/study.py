@@ -328,6 +328,7 @@ class Runs:
         quantities: Any = None,
         observed: Mapping[str, Any] | None = None,
         covariance: Any = None,
+        measurable: Sequence[str] | None = None,
         method: str = "reweight",
         level: float = 0.9,
         seed: int = 0,
@@ -349,6 +350,9 @@ class Runs:
             standard error. With a `covariance`, values alone.
         covariance : array_like, optional
             Of what was observed, in the order of `observed`.
+        measurable : sequence of str, optional
+            Factors that could be measured better: only these are advised. All by default; a factor
+            that is asked for itself should be left out.
         method : str
             "reweight": the runs themselves. "emulator": a Gaussian process that learns from some
             dozens of runs (needs scikit-learn); what it does not know widens the interval.
@@ -383,6 +387,7 @@ class Runs:
             quantities=quantities,
             observed=observed,
             covariance=covariance,
+            measurable=measurable,
             method=method,
             level=level,
             seed=seed,
@@ -869,6 +874,7 @@ class Study:
         quantities: Any = None,
         observed: Mapping[str, Any] | None = None,
         covariance: Any = None,
+        measurable: Sequence[str] | None = None,
         method: str = "reweight",
         level: float = 0.9,
         seed: int = 0,
@@ -881,7 +887,7 @@ class Study:
         ----------
         n : int, optional
             Runs, a power of two: 1024, or 128 that an emulator learns from.
-        quantities, observed, covariance, method, level
+        quantities, observed, covariance, measurable, method, level
             See `Runs.patient`.
         on_failure : str
             "error" or "drop_block".
@@ -909,6 +915,7 @@ class Study:
             quantities=quantities,
             observed=observed,
             covariance=covariance,
+            measurable=measurable,
             method=method,
             level=level,
             seed=seed,
