@@ -94,6 +94,7 @@ _MODULES = (
     "exo",
     "joint",
     "models",
+    "motion",
     "reflex",
     "signal",
     "stats",
