@@ -330,6 +330,12 @@ class ForceTable:
             peak_n=found[0], onset_rad=found[1], peak_rad=found[2], exponent=found[3]
         )
 
+    def plot(self, axes: Any = None) -> Any:
+        """Draw the curves; see `ulna.plot.force_curves`."""
+        from . import plot
+
+        return plot.force_curves(self, axes)
+
     def __repr__(self) -> str:
         return f"<ForceTable: {len(self.curves)} subjects; mean {self.mean!r}>"
 

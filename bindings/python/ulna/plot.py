@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from ._figure import BLUE, GREEN, GREY, INK, ORANGE, SKY, WIDTH_IN, axes_grid, style
+from ._plot_effort import effort_change, force_curves, subject_lines
 from ._plot_exo import elbow_torque
 from ._plot_models import orders, response, transfer_function
 from ._plot_passivity import allowed, port_indices, two_port
@@ -44,12 +45,14 @@ __all__ = [
     "allowed",
     "convergence",
     "delay_profile",
+    "effort_change",
     "elbow_torque",
     "ellipses",
     "energy",
     "entry_names",
     "failure_map",
     "fixing",
+    "force_curves",
     "frequency_response",
     "human_share",
     "joint",
@@ -75,6 +78,7 @@ __all__ = [
     "sobol_indices",
     "spring_array",
     "style",
+    "subject_lines",
     "transfer_function",
     "two_port",
     "unit_of",
