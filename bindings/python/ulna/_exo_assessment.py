@@ -331,6 +331,12 @@ class Assessment:
         head = self.status if not self.reason else f"{self.status}: {self.reason}"
         return "\n".join([head, *(joint.summary() for joint in self.joints), *self.notes])
 
+    def plot(self, axes: Any = None, *, joint: str | None = None) -> Any:
+        """Angle, torques and the line of the stiffness: :func:`ulna.plot.assessment`."""
+        from .plot import assessment
+
+        return assessment(self, axes, joint=joint)
+
 
 def mobilise(
     plant: Plant,

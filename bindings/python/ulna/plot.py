@@ -20,7 +20,7 @@ import numpy as np
 
 from ._figure import BLUE, GREEN, GREY, INK, ORANGE, SKY, WIDTH_IN, axes_grid, style
 from ._plot_effort import effort_change, force_curves, subject_lines
-from ._plot_exo import elbow_torque
+from ._plot_exo import assessment, assessment_scheme, compression, elbow_torque
 from ._plot_models import orders, response, transfer_function
 from ._plot_passivity import allowed, port_indices, two_port
 from ._plot_reflex import delay_profile, joint, reflex, windows
@@ -43,6 +43,9 @@ __all__ = [
     "Picture",
     "absorbed_energy",
     "allowed",
+    "assessment",
+    "assessment_scheme",
+    "compression",
     "convergence",
     "delay_profile",
     "effort_change",

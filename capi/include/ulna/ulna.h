@@ -17,6 +17,7 @@
 #include <ulna/plant.h>
 #include <ulna/record.h>
 #include <ulna/reflex.h>
+#include <ulna/render.h>
 #include <ulna/rig.h>
 #include <ulna/signal.h>
 #include <ulna/sim.h>

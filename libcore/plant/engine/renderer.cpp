@@ -36,9 +36,9 @@ using engine::OffscreenContext;
 using engine::View;
 using engine::ViewDirection;
 
-constexpr double kTangent = 0.2679491924311227;  // of half the vertical angle of view: 15 degrees
-constexpr int kMuscleSteps = 60;                 // pieces along a muscle
-constexpr double kTendonRadius = 0.0022;         // m
+constexpr double kTangent = 0.19438030913771848;  // of half the vertical angle: 11 degrees
+constexpr int kMuscleSteps = 36;                  // pieces along a muscle
+constexpr double kTendonRadius = 0.0022;          // m
 const Colour kTendon = {0.93F, 0.90F, 0.82F, 1.0F};
 
 // Of drawing, in which the engine gives up by its error handler.
@@ -224,11 +224,9 @@ void check_options(const RenderOptions& o, const Scenery& s) {
           "muscle_pressure must be positive");
 }
 
-constexpr ViewDirection kDirections[] = {{"", 124.0, -22.0},
-                                         {"side", 90.0, -4.0},
-                                         {"front", 180.0, -4.0},
-                                         {"back", 25.0, -22.0},
-                                         {"top", 90.0, -89.9}};
+constexpr ViewDirection kDirections[] = {{"", 228.0, -22.0},    {"device", 124.0, -22.0},
+                                         {"side", 90.0, -4.0},  {"front", 180.0, -4.0},
+                                         {"back", 25.0, -22.0}, {"top", 90.0, -89.9}};
 
 View view_along(double azimuth, double elevation) {
   View view{.position = Vector3::Zero(),
@@ -345,7 +343,7 @@ class Renderer::Impl {
     }
     own_camera_ = mj_name2id(raw(), mjOBJ_CAMERA, name.c_str());
     if (own_camera_ >= 0) return;
-    std::string names = "side, front, back, top";
+    std::string names = "device, side, front, back, top";
     for (int i = 0; i < raw()->ncam; ++i) {
       const char* text = mj_id2name(raw(), mjOBJ_CAMERA, i);
       if (text != nullptr) names += std::string(", ") + text;
@@ -375,8 +373,8 @@ class Renderer::Impl {
     copy->vis.global.offheight = options_.samples * options_.height;
     copy->vis.quality.offsamples = 0;
     copy->vis.quality.shadowsize = 0;
-    copy->vis.quality.numslices = 40;
-    copy->vis.quality.numstacks = 24;
+    copy->vis.quality.numslices = 30;
+    copy->vis.quality.numstacks = 18;
     const mjModel* m = copy.get();
     mjrContext* drawn = &drawn_;
     drawing([m, drawn] {

@@ -14,8 +14,9 @@
 namespace ulna {
 
 struct RenderCamera {
-  // "": oblique, from the front and the device's side; "side", "front", "back", "top"; or the name
-  // of a camera of the model, which has its own place.
+  // "": oblique, from the front and the arm's inside, where the muscles are seen; "device": from
+  // the device's side; "side", "front", "back", "top"; or the name of a camera of the model, which
+  // has its own place.
   std::string name;
   // What is not a number follows from the name and from what is to be seen.
   double azimuth = kNaN;    // rad, of the direction of view about z: 0 looks forward, along x

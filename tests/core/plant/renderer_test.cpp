@@ -104,16 +104,16 @@ TEST(Renderer, ShowsABallWhereItIs) {
   EXPECT_NEAR(middle.depth_at(80, 60), 1.8, 2e-3);  // facets of the engine's sphere
   EXPECT_TRUE(std::isinf(middle.depth_at(2, 2)));
   EXPECT_GT(middle.at(2, 2)[0], 200);  // a light background
-  // Half the angle of view is 15 degrees: the ball's rim is where a tangent of the sphere goes.
-  const double rim = 0.2 / std::sqrt(4.0 - 0.04) / std::tan(15 * kDegree) * 60.0;
+  // Half the angle of view is 11 degrees: the ball's rim is where a tangent of the sphere goes.
+  const double rim = 0.2 / std::sqrt(4.0 - 0.04) / std::tan(11 * kDegree) * 60.0;
   const auto solid = std::count_if(middle.depth.begin(), middle.depth.end(),
                                    [](float z) { return !std::isinf(z); });
   EXPECT_NEAR(static_cast<double>(solid), kPi * rim * rim, 0.02 * kPi * rim * rim);
 
-  run.position()[0] = 0.5;
+  run.position()[0] = 0.3;
   run.forward();
   const Shot right = shoot(renderer, run);
-  const int column = 80 + static_cast<int>(std::lround(0.25 / std::tan(15 * kDegree) * 60.0));
+  const int column = 80 + static_cast<int>(std::lround(0.15 / std::tan(11 * kDegree) * 60.0));
   EXPECT_TRUE(red(right.at(column, 60)[0], right.at(column, 60)[1], right.at(column, 60)[2]));
   EXPECT_FALSE(red(right.at(80, 60)[0], right.at(80, 60)[1], right.at(80, 60)[2]));
 }
@@ -141,7 +141,7 @@ TEST(Renderer, TopRowIsUp) {
 TEST(Renderer, FramesWhatThereIs) {
   SKIP_WITHOUT_OPENGL();
   const EngineModel model = EngineModel::from_text(kBall);
-  for (const char* name : {"", "side", "front", "back", "top", "above"}) {
+  for (const char* name : {"", "device", "side", "front", "back", "top", "above"}) {
     RenderOptions options = small();
     options.camera.name = name;
     Renderer renderer(model, {}, options);
@@ -325,7 +325,7 @@ TEST(Renderer, WhatCannotBeSaysWhy) {
   refused("between 16 and 7680", [](RenderOptions& o) { o.height = 100000; });
   refused("between 1 and 4", [](RenderOptions& o) { o.samples = 5; });
   refused("15360", [](RenderOptions& o) { o.width = 7680, o.samples = 3; });
-  refused("there is no camera 'left'; the names are: side, front, back, top, above",
+  refused("there is no camera 'left'; the names are: device, side, front, back, top, above",
           [](RenderOptions& o) { o.camera.name = "left"; });
   refused("distance", [](RenderOptions& o) { o.camera.distance = 0.0; });
   refused("elevation", [](RenderOptions& o) { o.camera.elevation = 2.0; });
