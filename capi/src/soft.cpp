@@ -37,6 +37,7 @@ void read_interface(const ulna_soft_options& o, int which, SoftInterfaceOptions&
   i.strap.stiffness = or_default(o.strap_stiffness_n_m[which], i.strap.stiffness);
   i.cuff.lined = !flag(o.unlined, "unlined");
   i.cuff.squeeze = or_none(o.squeeze_m[which], i.cuff.squeeze);
+  i.cuff.tightness = or_none(o.tightness_pa[which], i.cuff.tightness);
 }
 
 SoftScene soft_of(const ExoScene& scene, const ulna_soft_options& o) {
@@ -46,7 +47,8 @@ SoftScene soft_of(const ExoScene& scene, const ulna_soft_options& o) {
     donning.elbow_offset[k] = o.elbow_offset_m[k];
   }
   donning.rotation = o.donning_rotation_rad;
-  SoftScene soft = SoftScene::of(scene, donning);
+  const auto design = kind_of<CuffDesign>(o.cuffs, 2, "cuffs");
+  SoftScene soft = SoftScene::of(scene, donning, design);
   for (int which = 0; which < 2; ++which) {
     read_interface(o, which, soft.interfaces[static_cast<std::size_t>(which)]);
   }
@@ -74,11 +76,11 @@ void give_plant(ulna_plant** place, SoftPlant plant) {
 ReductionOptions reduction_of(const ulna_reduction_options* options) {
   const ulna_reduction_options o = read_options(options, "options");
   ReductionOptions r;
-  r.elbow = or_default(o.elbow_rad, r.elbow);
+  r.start = or_default(o.start_rad, r.start);
+  r.end = or_default(o.end_rad, r.end);
+  // Too many are refused by name, whatever an int holds.
+  if (o.poses != 0) r.poses = static_cast<int>(std::clamp<std::int64_t>(o.poses, -1, 1'000'000));
   r.activation = or_none(o.activation, r.activation);
-  r.settling = or_default(o.settling_s, r.settling);
-  r.shift = or_default(o.shift_m, r.shift);
-  r.turn = or_default(o.turn_rad, r.turn);
   return r;
 }
 

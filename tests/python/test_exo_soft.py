@@ -116,6 +116,8 @@ def test_the_same_run_gives_the_same_bits(plant):
         ({"friction": np.inf}, "friction"),
         ({"donning_rotation_rad": 2}, "quarter of a turn"),
         ({"squeeze_m": 0.5}, "squeeze|lining"),
+        ({"tightness_pa": np.nan}, "tight"),
+        ({"cuffs": "loose"}, "'fitted' or 'published'"),
         ({"hardness": 3}, "hardness"),
         ("hard", "must be True"),
     ],

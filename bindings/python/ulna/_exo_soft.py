@@ -21,13 +21,20 @@ _EXACT_ZERO = (
     "friction",
     "pretension_n",
     "squeeze_m",
+    "tightness_pa",
 )
+_CUFFS = ("fitted", "published")
 _PAIRS = (
     "stiffness_n_m", "viscosity_n_s_m", "neighbour", "volume", "element_mass_kg", "friction",
     "pretension_n", "strap_length_m", "strap_stiffness_n_m", "squeeze_m",
+    "tightness_pa",
 )  # fmt: skip
 _POINTS = ("shoulder_offset_m", "elbow_offset_m")
 _MOST_STEPS = 1000  # of a compression's force ramp; some 60 are usual
+
+
+# Between the plates before a compression, of the tissue of TissueOptions::upper_arm and forearm.
+_WIDTH_M = {"upper": 0.08, "fore": 0.06}
 
 
 def _refuse(message: str, argument: str) -> ArgumentError:
@@ -59,8 +66,15 @@ class Soft:
         Of the webbing between two of its points.
     squeeze_m : float or pair
         How far the cuff's lining presses into the limb.
+    tightness_pa : float or pair
+        Mean pressure on the skin at which the lining is tight and presses no further; 0: it always
+        presses by `squeeze_m`.
+    cuffs : {"fitted", "published"}
+        Shells three quarters around the limb, towards the far end of its segment and as long as the
+        joints leave room for; or short open half shells in the middle of the segments, in which the
+        arm slips.
     unlined : bool
-        Bare cuffs, half as wide again as the limb, as published.
+        Bare cuffs, wider than the limb.
     shoulder_offset_m : array_like, shape (3,)
         Of the arm's shoulder from the device's, world axes.
     elbow_offset_m : array_like, shape (3,)
@@ -88,6 +102,8 @@ class Soft:
     strap_length_m: ArrayLike | None = None
     strap_stiffness_n_m: ArrayLike | None = None
     squeeze_m: ArrayLike | None = None
+    tightness_pa: ArrayLike | None = None
+    cuffs: str = "fitted"
     unlined: bool = False
     shoulder_offset_m: ArrayLike = (0.0, 0.0, 0.0)
     elbow_offset_m: ArrayLike = (0.0, 0.0, 0.0)
@@ -115,8 +131,13 @@ class Soft:
         return cls(**given)
 
     def _struct(self) -> Any:
+        if self.cuffs not in _CUFFS:
+            raise _refuse(
+                f"cuffs is {self.cuffs!r}; it must be {' or '.join(map(repr, _CUFFS))}", "cuffs"
+            )
         struct = options(
             "ulna_soft_options",
+            cuffs=_CUFFS.index(self.cuffs),
             unlined=self.unlined,
             fixed_device=self.fixed_device,
             donning_rotation_rad=self.donning_rotation_rad,
@@ -250,6 +271,22 @@ class Compression:
             f"Compression({self.limb}, E {self.modulus_at(0.3) / 1e3:.1f} kPa at 30 %, "
             f"{self.modulus_at(0.4) / 1e3:.1f} kPa at 40 %)"
         )
+
+    @property
+    def width_m(self) -> float:
+        """Distance of the plates before."""
+        return _WIDTH_M[self.limb]
+
+    @property
+    def displacement_m(self) -> Array:
+        """By how much the plates came nearer."""
+        return self.strain * self.width_m
+
+    def plot(self, axes: Any = None) -> Any:
+        """Force, stress and modulus: :func:`ulna.plot.compression`."""
+        from .plot import compression
+
+        return compression(self, axes)
 
     def modulus_at(self, strain: float) -> float:
         """Stress over strain between the measured points, Pa; NaN beyond them."""

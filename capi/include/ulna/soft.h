@@ -15,12 +15,21 @@
 extern "C" {
 #endif
 
+/** Shells three quarters around the limb, towards the far end of its segment, long, tightened.
+ * @since 0.1 */
+#define ULNA_CUFFS_FITTED (0)
+/** Short open half shells in the middle of the segments: the published geometry.
+ * @since 0.1 */
+#define ULNA_CUFFS_PUBLISHED (1)
+
 /** How the arm is held. Zero bytes are the defaults named here.
  * @since 0.1 */
 typedef struct ulna_soft_options {
   int64_t struct_size;           /* sizeof(ulna_soft_options) */
   int32_t fixed_device;          /* 1: of the published lengths; 0: adjusted to the arm */
-  int32_t unlined;               /* 1: bare cuffs as published; 0: padded out to the limb */
+  int32_t unlined;               /* 1: bare cuffs; 0: padded out to the limb */
+  int32_t cuffs;                 /* ULNA_CUFFS_FITTED or ULNA_CUFFS_PUBLISHED */
+  int32_t reserved;              /* zero */
   double shoulder_offset_m[3];   /* of the arm's shoulder from the device's, world */
   double elbow_offset_m[3];      /* of the elbow from its place, humerus axes */
   double donning_rotation_rad;   /* of the upper arm about its axis in its cuff */
@@ -34,17 +43,17 @@ typedef struct ulna_soft_options {
   double strap_length_m[2];      /* without tension; 0: as the pretension asks for */
   double strap_stiffness_n_m[2]; /* of the webbing between two points; 0: 20000 */
   double squeeze_m[2];           /* of the lining into the limb; 0: the default; < 0: none */
+  double tightness_pa[2];        /* pressure that ends it; 0: the default; < 0: no such end */
 } ulna_soft_options;
 
 /** How a full interface becomes bushings. Zero bytes are the defaults named here.
  * @since 0.1 */
 typedef struct ulna_reduction_options {
   int64_t struct_size; /* sizeof(ulna_reduction_options) */
-  double elbow_rad;    /* of the device's last joint; 0: 60 degrees */
+  double start_rad;    /* where the device's last joint begins its movement; 0: 110 degrees */
+  double end_rad;      /* and where it ends; 0: 3 degrees */
   double activation;   /* of the elbow's muscles; 0: 0.4; < 0: none */
-  double settling_s;   /* 0: 2 */
-  double shift_m;      /* moved along each axis; 0: 0.003 */
-  double turn_rad;     /* and about each; 0: 2 degrees */
+  int64_t poses;       /* that the arm is followed through, 4 to 1000; 0: 25 */
 } ulna_reduction_options;
 
 /** Compiles a scene in which soft interfaces hold the arm; `coupling` of the scene does not count.
@@ -56,7 +65,9 @@ ULNA_API ulna_status ulna_plant_new_soft(const ulna_scene_options *scene,
                                          const ulna_soft_options *soft, ulna_plant **out_plant);
 
 /** The plant with each interface replaced by bushings (Voigt elements of six dimensions) at cuff
- * and strap, identified from it. Same outputs but for pressure, area, tension and sliding.
+ * and strap. The arm at rest is followed through a movement of the device's last joint, and what
+ * cuff and strap do to it becomes their stiffness; it takes some 50 ms. Same outputs but for
+ * pressure, area, tension and sliding.
  * @thread shared plant
  * @since 0.1 */
 ULNA_API ulna_status ulna_plant_reduce(const ulna_plant *plant,

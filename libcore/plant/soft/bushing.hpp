@@ -1,6 +1,6 @@
-// A bushing between a bone and a link: a Voigt element of six dimensions. Its coordinates are the
-// displacement of the tissue's centre (cuff frame, m) and the rotation vector (rad) of the limb
-// since it was donned.
+// A bushing between a bone and a link: a Voigt element of six dimensions. Its
+// coordinates are the displacement of the tissue's centre (cuff frame, m) and
+// the rotation vector (rad) of the limb since it was donned.
 #pragma once
 
 #include "plant/soft/soft_interface.hpp"
@@ -19,7 +19,8 @@ struct Bushing {
   Wrench wrench(const Twist& at, const Twist& rate) const {
     return preload - stiffness * (at - origin) - damping * rate;
   }
-  void check() const;  // throws Error (kArgument) unless symmetric and positive semidefinite
+  void check() const;  // throws Error (kArgument) unless symmetric and positive
+                       // semidefinite
 };
 
 Twist coordinates(const LimbPose& donned, const LimbPose& pose);

@@ -169,7 +169,8 @@ CompressionResult compress(const Tissue& tissue, const CompressionOptions& optio
     load *= options.force_factor;
     if (rig.height() > 0.0) continue;
     throw Error(Fault::kAnalysis, "force_factor",
-                "the plates met before the largest strain: let the force rise in smaller steps");
+                "the plates met before the largest strain: let the force rise "
+                "in smaller steps");
   }
   result.force = vector_of(force);
   result.strain = vector_of(strain);

@@ -1,5 +1,6 @@
-// Compression of a tissue between two flat plates, the way its stiffness is stated: the same
-// elements as around the arm, a force that rises in steps and waits until everything has settled.
+// Compression of a tissue between two flat plates, the way its stiffness is
+// stated: the same elements as around the arm, a force that rises in steps and
+// waits until everything has settled.
 #pragma once
 
 #include "base/token.hpp"
@@ -25,13 +26,14 @@ struct CompressionResult {
   Vector strain;       // of the width
   Vector stress;       // Pa
   Vector modulus;      // stress / strain, Pa
-  Vector energy;  // largest rise of energy less work of the plates within a step of the ramp, J
+  Vector energy;       // largest rise of energy less work of the plates within a step
+                       // of the ramp, J
 
   double modulus_at(double strain) const;  // between the points, Pa; throws Error outside them
 };
 
-// Plates on both sides of the tissue's third axis. Throws Error: kArgument, kAnalysis when it does
-// not settle, kCancelled.
+// Plates on both sides of the tissue's third axis. Throws Error: kArgument,
+// kAnalysis when it does not settle, kCancelled.
 CompressionResult compress(const Tissue& tissue, const CompressionOptions& options = {},
                            Token* token = nullptr);
 

@@ -33,8 +33,9 @@ void ContactLaw::factor() {
   inverse_penetration_ = right.col(outer);
 }
 
-void ContactLaw::condense(Vector& bias, Matrix& resistance) const {
+void ContactLaw::condense(Vector& bias, Matrix& resistance, Index contacts) const {
   for (std::size_t a = 0; a < chosen_.size(); ++a) {
+    if (contacts >= 0 && chosen_[a] >= contacts) break;
     const auto row = problem_.approach.row(chosen_[a]);
     const auto k = static_cast<Index>(a);
     bias.noalias() -= inverse_penetration_[k] * row.transpose();

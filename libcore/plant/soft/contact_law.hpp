@@ -1,6 +1,7 @@
-// Contacts of one time step as a small linear complementarity: each is a stiff pad that only
-// pushes. Everything that moves freely in between has been condensed into `mobility`, what is left
-// open are a few outer velocities (of a bone against its link, or of a plate).
+// Contacts of one time step as a small linear complementarity: each is a stiff
+// pad that only pushes. Everything that moves freely in between has been
+// condensed into `mobility`, what is left open are a few outer velocities (of a
+// bone against its link, or of a plate).
 #pragma once
 
 #include <vector>
@@ -12,9 +13,11 @@ namespace ulna {
 struct ContactProblem {
   double timestep = 0.0;
   Vector stiffness;    // of each pad, N/m
-  Vector penetration;  // at the end of the step without contact forces, the outer bodies still, m
+  Vector penetration;  // at the end of the step without contact forces, the
+                       // outer bodies still, m
   Matrix approach;     // contacts x outer velocities: d penetration / dt
-  Matrix mobility;     // contacts x contacts: -d (d penetration / dt) / d force, m/(s N)
+  Matrix mobility;     // contacts x contacts: -d (d penetration / dt) / d force,
+                       // m/(s N)
 };
 
 class ContactLaw {
@@ -22,10 +25,13 @@ class ContactLaw {
   // `active`: which contacts to begin with.
   ContactLaw(ContactProblem problem, std::vector<char> active);
 
-  // Force on the outer velocities: bias - resistance x velocity, with the present active contacts.
-  void condense(Vector& bias, Matrix& resistance) const;
-  // Contact forces (N) for outer velocities; chooses the active contacts anew. True when they
-  // changed, so that the outer velocities must be solved for again.
+  // Force on the outer velocities: bias - resistance x velocity, with the
+  // present active contacts; of the first `contacts` of them only where it is
+  // not negative. Adds to what is there.
+  void condense(Vector& bias, Matrix& resistance, Index contacts = -1) const;
+  // Contact forces (N) for outer velocities; chooses the active contacts anew.
+  // True when they changed, so that the outer velocities must be solved for
+  // again.
   bool settle(const Vector& velocity);
 
   const Vector& force() const { return force_; }

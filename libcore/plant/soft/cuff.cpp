@@ -22,6 +22,11 @@ Cuff Cuff::forearm() {
   return cuff;
 }
 
+void Cuff::set_arc(double radius, double half_angle) {
+  chord = 2.0 * radius * std::sin(half_angle);
+  slant = 2.0 * radius * std::sin(0.5 * half_angle);
+}
+
 void Cuff::check() const {
   require(!link.empty(), "link", "the cuff is on no link");
   require(position.allFinite() && orientation.allFinite() &&
@@ -32,14 +37,18 @@ void Cuff::check() const {
               slant < 0.999 * chord && chord < 1.0,
           "chord",
           "the cuff on '" + link +
-              "' must have a chord, and a slant between a half of the chord and the chord");
+              "' must have a chord, and a slant between a half of the chord "
+              "and the chord");
   require(std::fabs(squeeze) < 0.02, "squeeze",
           "the lining of the cuff on '" + link + "' must press less than 20 mm into the limb");
+  require(std::isfinite(tightness) && tightness >= 0.0, "tightness",
+          "the lining of the cuff on '" + link + "' must be tight at a pressure of 0 or more");
   require(std::isfinite(depth) && depth > 0.0 && depth < 1.0, "depth",
           "the cuff on '" + link + "' must have a depth between 0 and 1 m");
 }
 
-// The arc's height over its chord follows from its slant (Pythagoras), the circle from both.
+// The arc's height over its chord follows from its slant (Pythagoras), the
+// circle from both.
 double Cuff::radius() const {
   return slant * slant / (2.0 * std::sqrt(slant * slant - 0.25 * chord * chord));
 }
@@ -53,11 +62,12 @@ Vector3 Cuff::outward(int plate) const {
   return {std::sin(angle), -std::cos(angle), 0.0};
 }
 
-Cuff::Faces Cuff::faces(const Vector3& centre, const Matrix3& spread) const {
+Cuff::Faces Cuff::faces(const Vector3& centre, const Matrix3& spread, double foundation) const {
+  const double deep = tightness > 0.0 ? std::min(squeeze, tightness / foundation) : squeeze;
   Faces faces;
   for (int k = 0; k < kPlates; ++k) {
     const Vector3 n = outward(k);
-    const double limb = n.dot(centre) + std::sqrt(n.dot(spread * n)) - squeeze;
+    const double limb = n.dot(centre) + std::sqrt(n.dot(spread * n)) - deep;
     faces[static_cast<std::size_t>(k)] = lined ? std::min(face(), limb) : face();
   }
   return faces;

@@ -1,7 +1,6 @@
 #include "plant/soft/reduced_plant.hpp"
 
 #include <Eigen/Eigenvalues>
-#include <Eigen/Geometry>
 #include <cmath>
 
 #include "base/error.hpp"
@@ -9,40 +8,13 @@
 namespace ulna {
 namespace {
 
-using Wrenches = std::array<Wrench, 2>;  // of cuff and strap
+// Metres and radians in one norm: a radian moves the skin by about this much.
+constexpr double kTurnLength = 0.05;
 
-LimbPose moved(const LimbPose& pose, const Twist& by) {
-  const double angle = by.tail<3>().norm();
-  LimbPose after = pose;
-  after.position += by.head<3>();
-  if (angle > 0.0) {
-    after.orientation =
-        Eigen::AngleAxisd(angle, by.tail<3>() / angle).toRotationMatrix() * pose.orientation;
-  }
-  return after;
-}
-
-struct Answer {
-  Wrenches moving;  // at the end of the move
-  Wrenches held;    // some time after
-};
-
-Wrenches wrenches_of(const InterfaceRun& run) { return {run.cuff().wrench, run.strap().wrench}; }
-
-// The limb goes to `by` at a steady speed and stays there.
-Answer answer(InterfaceRun run, const LimbPose& start, const Twist& by, double dt,
-              const ReductionOptions& o) {
-  const int moving = std::max(1, static_cast<int>(std::lround(o.ramp / dt)));
-  const int holding = std::max(1, static_cast<int>(std::lround(o.hold / dt)));
-  Answer answer;
-  for (int i = 0; i < moving; ++i) {
-    run.impose(moved(start, by * i / moving), by / (moving * dt));
-  }
-  answer.moving = wrenches_of(run);
-  const LimbPose there = moved(start, by);
-  for (int i = 0; i < holding; ++i) run.impose(there, Twist::Zero());
-  answer.held = wrenches_of(run);
-  return answer;
+Twist turn_scale() {
+  Twist scale = Twist::Ones();
+  scale.tail<3>().setConstant(1.0 / kTurnLength);
+  return scale;
 }
 
 // The nearest symmetric matrix without negative eigenvalues.
@@ -54,104 +26,125 @@ Matrix6 semidefinite(const Matrix6& m) {
   return 0.5 * (made + made.transpose());
 }
 
-// Metres and radians in one norm: a radian moves the skin by about this much.
-constexpr double kLength = 0.05;
+// Where the limb was, and what one part did to it there.
+struct Path {
+  std::vector<Twist> at;
+  std::vector<Wrench> wrench;
 
-double size_of(const Matrix6& m) {
-  Twist scale;
-  scale << 1.0, 1.0, 1.0, 1.0 / kLength, 1.0 / kLength, 1.0 / kLength;
-  return (scale.asDiagonal() * m * scale.asDiagonal()).norm();
+  template <class Value>
+  static Value mean(const std::vector<Value>& values) {
+    Value sum = Value::Zero();
+    for (const Value& v : values) sum += v;
+    return sum / static_cast<double>(values.size());
+  }
+};
+
+// Symmetric K nearest to `prior` among those that explain the path: the least
+// of sum |w - mean w + K (x - mean x)|^2 + weight |K - prior|^2, in scaled
+// coordinates. Its correction E solves E S + S E + 2 weight E = R + R', S = sum
+// dx dx', R = sum (what the prior misses) dx'.
+Matrix6 explain(const Path& path, const Matrix6& prior) {
+  const Twist scale = turn_scale();
+  const Twist x0 = Path::mean(path.at);
+  const Wrench w0 = Path::mean(path.wrench);
+  const Matrix6 scaled = scale.asDiagonal() * prior * scale.asDiagonal();
+  Matrix6 moved = Matrix6::Zero(), missed = Matrix6::Zero();
+  for (std::size_t i = 0; i < path.at.size(); ++i) {
+    const Twist dx = (path.at[i] - x0).cwiseQuotient(scale);
+    const Wrench dw = (path.wrench[i] - w0).cwiseProduct(scale);
+    moved += dx * dx.transpose();
+    missed += (-dw - scaled * dx) * dx.transpose();
+  }
+  const Eigen::SelfAdjointEigenSolver<Matrix6> solver(moved);
+  const Matrix6& axes = solver.eigenvectors();
+  Matrix6 correction = axes.transpose() * (missed + missed.transpose()) * axes;
+  const double weight = 1e-3 * solver.eigenvalues().sum() + 1e-300;
+  for (int a = 0; a < 6; ++a) {
+    for (int b = 0; b < 6; ++b) {
+      correction(a, b) /= solver.eigenvalues()[a] + solver.eigenvalues()[b] + 2.0 * weight;
+    }
+  }
+  const Matrix6 found = semidefinite(scaled + axes * correction * axes.transpose());
+  return scale.cwiseInverse().asDiagonal() * found * scale.cwiseInverse().asDiagonal();
+}
+
+double misfit_of(const Bushing& bushing, const Path& path) {
+  const Twist scale = turn_scale();
+  double missed = 0.0, whole = 0.0;
+  for (std::size_t i = 0; i < path.at.size(); ++i) {
+    const Wrench change = path.wrench[i] - bushing.preload;
+    const Wrench answer = -bushing.stiffness * (path.at[i] - bushing.origin);
+    missed += (change - answer).cwiseProduct(scale).squaredNorm();
+    whole += change.cwiseProduct(scale).squaredNorm();
+  }
+  return std::sqrt(missed / std::max(whole, 1e-300));
 }
 
 }  // namespace
 
 void ReductionOptions::check() const {
-  const auto positive = [](double value, const char* argument) {
-    require(std::isfinite(value) && value > 0.0, argument,
-            std::string(argument) + " must be positive");
-  };
-  positive(settling, "settling");
-  positive(shift, "shift");
-  positive(turn, "turn");
-  positive(ramp, "ramp");
-  positive(hold, "hold");
-  require(std::isfinite(elbow), "elbow", "the elbow's angle must be finite");
+  require(std::isfinite(start) && std::isfinite(end) && start != end, "start",
+          "the movement must have a start and an end that differ");
+  require(poses >= 4 && poses <= 1000, "poses",
+          "the movement must be followed through 4 to 1000 poses");
   require(activation >= 0.0 && activation <= 1.0, "activation",
           "activation must be between 0 and 1");
 }
 
-Reduction probe(const InterfaceRun& interface, const LimbPose& pose, int index,
-                const std::string& name, double dt, const ReductionOptions& o) {
-  // What it would come to without being moved.
-  const Answer rest = answer(interface, pose, Twist::Zero(), dt, o);
-  Matrix6 stiffness[2], damping[2], one_sided[2];
-  for (int axis = 0; axis < 6; ++axis) {
-    const double amplitude = axis < 3 ? o.shift : o.turn;
-    Twist by = Twist::Zero();
-    by[axis] = amplitude;
-    const Answer there = answer(interface, pose, by, dt, o);
-    const Answer back = answer(interface, pose, -by, dt, o);
-    for (std::size_t part = 0; part < 2; ++part) {
-      stiffness[part].col(axis) = -(there.held[part] - back.held[part]) / (2.0 * amplitude);
-      one_sided[part].col(axis) = -(there.held[part] - rest.held[part]) / amplitude;
-      const Wrench extra =
-          (there.moving[part] - there.held[part]) - (back.moving[part] - back.held[part]);
-      damping[part].col(axis) = -extra / (2.0 * amplitude / o.ramp);
-    }
-  }
-  Reduction reduction;
-  for (std::size_t part = 0; part < 2; ++part) {
-    const double size = std::max(size_of(stiffness[part]), 1e-12);
-    reduction.asymmetry.push_back(size_of(0.5 * (stiffness[part] - stiffness[part].transpose())) /
-                                  size);
-    reduction.linearity.push_back(size_of(one_sided[part] - stiffness[part]) / size);
-    reduction.bushings.push_back({.name = name + (part == 0 ? "_cuff" : "_strap"),
-                                  .interface = index,
-                                  .strap = part == 1,
-                                  .origin = coordinates(interface.donned(), pose),
-                                  .preload = rest.held[part],
-                                  .stiffness = semidefinite(stiffness[part]),
-                                  .damping = semidefinite(damping[part])});
-  }
-  return reduction;
-}
-
 Reduction reduce(const SoftPlant& full, const ReductionOptions& options, Token* token) {
   options.check();
-  require(!full.is_reduced(), "plant", "the plant is reduced already");
-  // The device stands still: so much damping that it does not move while the arm settles in it.
+  constexpr int kSteps = 4;  // to a balance that nothing disturbs any more
   const ExoScene& scene = full.plant().scene();
-  std::vector<Change> still;
-  for (const ExoLink& link : scene.exo.links) {
-    still.push_back({ModelQuantity::kJointDamping, link.joint, {1e6}});
-  }
-  EngineRun run(full.model().changed(still));
   Vector angle(static_cast<Index>(scene.exo.links.size()));
   for (Index j = 0; j < angle.size(); ++j) {
     angle[j] = scene.exo.links[static_cast<std::size_t>(j)].reference;
   }
-  angle[angle.size() - 1] = options.elbow;
-  full.attach(run, angle);
-  for (const Muscle& muscle : scene.arm.muscles) {
-    if (muscle.group == MuscleGroup::kShoulder) continue;
-    run.control()[full.model().at(Part::kActuator, muscle.name)] = options.activation;
+  angle[angle.size() - 1] = options.start;
+  StillArm arm(full, angle);
+  arm.balance(kSteps);
+  arm.activate(options.activation);
+  arm.balance(kSteps);
+
+  const std::size_t parts = 2 * arm.size();
+  std::vector<Path> path(parts);
+  std::vector<Matrix6> stiffness(parts, Matrix6::Zero()), damping(parts, Matrix6::Zero());
+  const auto take = [&] {
+    for (std::size_t i = 0; i < arm.size(); ++i) {
+      const Twist at = coordinates(arm.interface(i).donned(), arm.pose(i));
+      const StillArm::Resistance stiff = arm.stiffness(i);
+      const StillArm::Resistance damp = arm.damping(i);
+      path[2 * i].at.push_back(at);
+      path[2 * i + 1].at.push_back(at);
+      path[2 * i].wrench.push_back(arm.interface(i).cuff().wrench);
+      path[2 * i + 1].wrench.push_back(arm.interface(i).strap().wrench);
+      stiffness[2 * i] += stiff.cuff;
+      stiffness[2 * i + 1] += stiff.strap;
+      damping[2 * i] += damp.cuff;
+      damping[2 * i + 1] += damp.strap;
+    }
+  };
+  take();
+  for (int k = 1; k < options.poses; ++k) {
+    step(token, static_cast<double>(k) / options.poses);
+    const double share = static_cast<double>(k) / (options.poses - 1);
+    arm.bend(options.start + share * (options.end - options.start));
+    take();
   }
-  const double dt = full.model().timestep();
-  const auto steps = static_cast<Index>(std::lround(options.settling / dt));
-  for (Index i = 0; i < steps; ++i) {
-    run.step();
-    step(token, 0.5 * static_cast<double>(i) / static_cast<double>(steps));
+
+  Reduction reduction;
+  for (std::size_t k = 0; k < parts; ++k) {
+    const SoftInterfaceOptions& o = full.interfaces()[k / 2]->options();
+    Bushing bushing{.name = o.name + (k % 2 == 0 ? "_cuff" : "_strap"),
+                    .interface = static_cast<int>(k / 2),
+                    .strap = k % 2 == 1,
+                    .origin = Path::mean(path[k].at),
+                    .preload = Path::mean(path[k].wrench)};
+    bushing.stiffness = explain(path[k], stiffness[k] / options.poses);
+    bushing.damping = semidefinite(damping[k] / options.poses);
+    reduction.misfit.push_back(misfit_of(bushing, path[k]));
+    reduction.bushings.push_back(std::move(bushing));
   }
-  Reduction all;
-  for (std::size_t i = 0; i < full.interfaces().size(); ++i) {
-    Reduction one = probe(interface_run(run, i), interface_pose(run, i), static_cast<int>(i),
-                          full.interfaces()[i]->options().name, dt, options);
-    all.bushings.insert(all.bushings.end(), one.bushings.begin(), one.bushings.end());
-    all.asymmetry.insert(all.asymmetry.end(), one.asymmetry.begin(), one.asymmetry.end());
-    all.linearity.insert(all.linearity.end(), one.linearity.begin(), one.linearity.end());
-    step(token, 0.5 + 0.5 * static_cast<double>(i + 1) / static_cast<double>(all.bushings.size()));
-  }
-  return all;
+  return reduction;
 }
 
 }  // namespace ulna

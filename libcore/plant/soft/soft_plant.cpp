@@ -6,55 +6,81 @@
 #include <cmath>
 
 #include "base/error.hpp"
+#include "plant/engine/friction_law.hpp"
+#include "plant/soft/interface_place.hpp"
 
 namespace ulna {
 namespace {
 
 constexpr int kRounds = 30;  // of finding which contacts push
+// Tissue comes to rest within 0.1 s: steps of this length are free of its
+// motion.
+constexpr double kSlowStep = 50.0;  // s
 
-// Where an interface is in the engine's model.
-struct Place {
-  Index link;
-  Index bone;
-  Vector3 cuff_position;  // in the link
-  Matrix3 cuff_orientation;
-  Vector3 centre;  // in the bone
-
-  LimbPose pose(const EngineRun& run) const {
-    const Matrix3 link_axes = run.body_orientation(link);
-    const Matrix3 axes = link_axes * cuff_orientation;
-    const Vector3 origin = run.body_position(link) + link_axes * cuff_position;
-    return {axes.transpose() * (centre_in_world(run) - origin),
-            axes.transpose() * run.body_orientation(bone)};
+// Dry friction of the device's joints. The engine finds it after the interfaces
+// have answered, and what they answer depends on it: the step is solved with
+// both, by the engine's own law.
+class DeviceFriction {
+ public:
+  DeviceFriction(const ExoScene& scene, const EngineModel& model) : dt_(model.timestep()) {
+    for (const ExoLink& link : scene.exo.links) {
+      const FrictionLaw law = friction_law(model, link.joint);
+      if (law.limit > 0.0) joints_.push_back({model.velocity_of(link.joint), law, 0.0, 0});
+    }
   }
 
-  Vector3 centre_in_world(const EngineRun& run) const {
-    return run.body_position(bone) + run.body_orientation(bone) * centre;
+  // Takes the engine's guess out of the net force.
+  void begin(const EngineRun& run, const VectorRef& velocity, Vector& impulse) {
+    for (Joint& j : joints_) {
+      j.rate = velocity[j.dof];
+      const double guess = j.law.torque(j.rate, run.acceleration()[j.dof]);
+      impulse[j.dof] += guess;
+      j.side = guess >= j.law.limit ? 1 : guess <= -j.law.limit ? -1 : 0;
+    }
   }
 
-  // Twist of the limb against the link for the rates of all joints, cuff frame.
-  Matrix jacobian(const EngineRun& run) const {
-    const Vector3 at = centre_in_world(run);
-    const Matrix apart = run.point_jacobian(bone, at) - run.point_jacobian(link, at);
-    const Matrix3 back = (run.body_orientation(link) * cuff_orientation).transpose();
-    Matrix jacobian(6, apart.cols());
-    jacobian.topRows<3>() = back * apart.topRows<3>();
-    jacobian.bottomRows<3>() = back * apart.bottomRows<3>();
-    return jacobian;
+  void add(Matrix& system, Vector& right) const {
+    for (const Joint& j : joints_) {
+      if (j.side != 0) {
+        right[j.dof] -= j.side * j.law.limit;
+        continue;
+      }
+      const double inertia = j.law.acceleration_slope / dt_;
+      system(j.dof, j.dof) += inertia;
+      right[j.dof] += (inertia - j.law.rate_slope) * j.rate;
+    }
   }
+
+  bool settle(const VectorRef& velocity) {
+    bool changed = false;
+    for (Joint& j : joints_) {
+      const double torque =
+          j.law.rate_slope * j.rate + j.law.acceleration_slope * (velocity[j.dof] - j.rate) / dt_;
+      const int side = torque > j.law.limit ? 1 : torque < -j.law.limit ? -1 : 0;
+      changed = changed || side != j.side;
+      j.side = side;
+    }
+    return changed;
+  }
+
+ private:
+  struct Joint {
+    Index dof;
+    FrictionLaw law;
+    double rate;  // at the beginning of the step
+    int side;     // at which limit, 0: at none
+  };
+  double dt_;
+  std::vector<Joint> joints_;
 };
-
-Place place_of(const SoftInterfaceOptions& o, const EngineModel& model) {
-  return {model.at(Part::kBody, o.cuff.link), model.at(Part::kBody, o.bone), o.cuff.position,
-          o.cuff.orientation, o.centre};
-}
 
 class InterfaceCoupling : public StepCoupling {
  public:
-  InterfaceCoupling(const SoftPlant& plant, const EngineRun& run) {
+  InterfaceCoupling(const SoftPlant& plant, const EngineRun& run)
+      : friction_(plant.plant().scene(), run.model()) {
     for (const auto& interface : plant.interfaces()) {
       names_.push_back(interface->options().name);
-      places_.push_back(place_of(interface->options(), run.model()));
+      places_.emplace_back(interface->options(), run.model());
       donned_.push_back(places_.back().pose(run));
       poses_.push_back(donned_.back());
     }
@@ -80,17 +106,19 @@ class InterfaceCoupling : public StepCoupling {
     return all;
   }
 
-  // M/dt and forces without the coupling's, so that M/dt (v - v0) = forces + coupling. The engine
-  // takes joint damping at the end of the step, which adds it to the inertia.
+  // M/dt and forces without the coupling's, so that M/dt (v - v0) = forces +
+  // coupling. The engine takes joint damping at the end of the step, which adds
+  // it to the inertia.
   struct Smooth {
     Matrix inertia;
     Vector impulse;
   };
-  static Smooth smooth(EngineRun& run, const VectorRef& before) {
+  Smooth smooth(EngineRun& run, const VectorRef& before) {
     const double dt = run.model().timestep();
     Smooth s{run.inertia() / dt, run.net_force() - before};
     s.inertia.diagonal() += run.model().joint_damping();
     s.impulse += s.inertia * run.velocity();
+    friction_.begin(run, run.velocity(), s.impulse);
     return s;
   }
 
@@ -106,19 +134,22 @@ class InterfaceCoupling : public StepCoupling {
   }
 
   std::vector<std::string> names_;
-  std::vector<Place> places_;
+  std::vector<InterfacePlace> places_;
   std::vector<LimbPose> donned_;
   std::vector<LimbPose> poses_;
+  DeviceFriction friction_;
 };
 
 class FullCoupling final : public InterfaceCoupling {
  public:
   FullCoupling(const SoftPlant& plant, const EngineRun& run,
-               const std::vector<std::shared_ptr<const TissueStep>>& steps)
+               const std::vector<std::shared_ptr<const TissueStep>>& steps,
+               const std::vector<std::shared_ptr<const TissueStep>>& slow)
       : InterfaceCoupling(plant, run) {
     for (std::size_t i = 0; i < places_.size(); ++i) {
       interfaces_.emplace_back(plant.interfaces()[i], steps[i]);
       interfaces_.back().don(donned_[i]);
+      interfaces_.back().come_to_rest(donned_[i], slow[i]);
     }
   }
 
@@ -138,8 +169,9 @@ class FullCoupling final : public InterfaceCoupling {
         system += all[i].jacobian.transpose() * resistance[i] * all[i].jacobian;
         right += all[i].jacobian.transpose() * bias[i];
       }
+      friction_.add(system, right);
       rate = system.partialPivLu().solve(right);
-      changed = false;
+      changed = friction_.settle(rate);
       for (std::size_t i = 0; i < all.size(); ++i) {
         changed = interfaces_[i].settle(all[i].jacobian * rate) || changed;
       }
@@ -196,7 +228,15 @@ class ReducedCoupling final : public InterfaceCoupling {
       s.inertia += h.jacobian.transpose() * (b.damping + dt * b.stiffness) * h.jacobian;
       s.impulse += h.jacobian.transpose() * b.wrench(at(b), Twist::Zero());
     }
-    const Vector rate = s.inertia.partialPivLu().solve(s.impulse);
+    Vector rate;
+    bool changed = true;
+    for (int round = 0; changed && round < kRounds; ++round) {
+      Matrix system = s.inertia;
+      Vector right = s.impulse;
+      friction_.add(system, right);
+      rate = system.partialPivLu().solve(right);
+      changed = friction_.settle(rate);
+    }
     Vector force = Vector::Zero(rate.size());
     for (std::size_t k = 0; k < bushings_.size(); ++k) {
       const Bushing& b = bushings_[k];
@@ -248,8 +288,8 @@ const SoftScene& checked_soft(const SoftScene& soft) {
   return soft;
 }
 
-// The arm stays at the world's origin and the device moves: only where they are to each other
-// counts.
+// The arm stays at the world's origin and the device moves: only where they are
+// to each other counts.
 ExoScene placed(const SoftScene& soft) {
   checked_soft(soft);
   ExoScene scene = soft.scene;
@@ -262,10 +302,10 @@ ExoScene placed(const SoftScene& soft) {
 
 }  // namespace
 
-SoftScene SoftScene::of(const ExoScene& scene, const Donning& donning) {
+SoftScene SoftScene::of(const ExoScene& scene, const Donning& donning, CuffDesign design) {
   return {scene,
-          {SoftInterfaceOptions::upper_arm(scene.arm.upper_scale),
-           SoftInterfaceOptions::forearm(scene.arm.fore_scale)},
+          {SoftInterfaceOptions::upper_arm(scene.arm.upper_scale, design),
+           SoftInterfaceOptions::forearm(scene.arm.fore_scale, design)},
           donning};
 }
 
@@ -274,7 +314,9 @@ SoftPlant::SoftPlant(const SoftScene& soft) : soft_(soft), plant_(placed(soft)) 
     interfaces_.push_back(std::make_shared<const SoftInterface>(options));
     steps_.push_back(std::make_shared<const TissueStep>(interfaces_.back()->tissue(),
                                                         plant_.model().timestep()));
-    place_of(options, plant_.model());  // the bodies are there
+    slow_steps_.push_back(
+        std::make_shared<const TissueStep>(interfaces_.back()->tissue(), kSlowStep));
+    InterfacePlace(options, plant_.model());  // the bodies are there
   }
 }
 
@@ -304,8 +346,8 @@ Vector SoftPlant::donned(const VectorRef& device_angle) const {
         device_angle[j];
   }
   run.forward();
-  // Humerus axes in the world, as far as the link has turned since the scene was written:
-  // Ry(flexion + 90 degrees) Rz(abduction) Rx(rotation).
+  // Humerus axes in the world, as far as the link has turned since the scene
+  // was written: Ry(flexion + 90 degrees) Rz(abduction) Rx(rotation).
   const Matrix3 turn =
       run.body_orientation(upper) * written.transpose() *
       Eigen::AngleAxisd(soft_.donning.rotation, Vector3::UnitX()).toRotationMatrix();
@@ -324,23 +366,25 @@ Vector SoftPlant::donned(const VectorRef& device_angle) const {
   return run.position();
 }
 
-// Newton's method on flexion, abduction and elbow for the places of the limbs across their cuffs:
-// the upper arm on the bottom of its cuff, the forearm with its bone in the middle, so that an arm
-// that is perfectly aligned has the device's angles. The forearm's height over its cuff's bottom
-// follows from the rotation.
+// Newton's method on flexion, abduction and elbow for the places of the limbs
+// across their cuffs: the upper arm on the bottom of its cuff, the forearm with
+// its bone in the middle, so that an arm that is perfectly aligned has the
+// device's angles. The forearm's height over its cuff's bottom follows from the
+// rotation.
 void SoftPlant::lay_in_cuffs(EngineRun& run) const {
-  const auto place = [this](std::size_t i) { return place_of(interfaces_[i]->options(), model()); };
   if (interfaces_.size() != 2) return;
-  const Place upper = place(0), fore = place(1);
+  const InterfacePlace upper(interfaces_[0]->options(), model());
+  const InterfacePlace fore(interfaces_[1]->options(), model());
   const SoftInterfaceOptions& o = interfaces_[0]->options();
   const double bottom = o.tissue.semi_axes.z() - o.cuff.face();
+  const double aside = fore.cuff_orientation.col(0).dot(fore.cuff_position);
   const Index joint[] = {model().position_of("shoulder_flexion"),
                          model().position_of("shoulder_abduction"),
                          model().position_of("elbow_flexion")};
   const auto apart = [&] {
     run.forward();
     const Vector3 u = upper.pose(run).position;
-    return Vector3(u.x(), u.y() - bottom, fore.pose(run).position.x() - fore.centre.z());
+    return Vector3(u.x(), u.y() - bottom, fore.pose(run).position.x() + aside - fore.centre.z());
   };
   constexpr double kProbe = 1e-5;
   for (int round = 0; round < 10; ++round) {
@@ -370,7 +414,7 @@ void SoftPlant::attach(EngineRun& run, const VectorRef& device_angle) const {
   if (is_reduced()) {
     run.couple(std::make_unique<ReducedCoupling>(*this, run));
   } else {
-    run.couple(std::make_unique<FullCoupling>(*this, run, steps_));
+    run.couple(std::make_unique<FullCoupling>(*this, run, steps_, slow_steps_));
   }
 }
 
@@ -381,7 +425,8 @@ void fit_device(SoftScene& soft, double upper_factor, double fore_factor) {
     link.position += longer;
     for (SoftInterfaceOptions& o : soft.interfaces) {
       if (o.cuff.link != link.name) continue;
-      // From the shoulder the cuff is at link.position + orientation * cuff.position.
+      // From the shoulder the cuff is at link.position + orientation *
+      // cuff.position.
       const Vector3 from_shoulder = link.position - longer + link.orientation * o.cuff.position;
       const Vector3 axis = link.position.normalized();
       o.cuff.position += link.orientation.transpose() *

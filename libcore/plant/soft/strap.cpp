@@ -73,7 +73,8 @@ void StrapOptions::check() const {
   require(std::isfinite(pretension) && pretension >= 0.0, "pretension",
           "the strap's pretension must be 0 or more");
   require(std::isfinite(length) && length >= 0.0, "length",
-          "the strap's length must be positive, or 0 for the one that its pretension asks for");
+          "the strap's length must be positive, or 0 for the one that its "
+          "pretension asks for");
 }
 
 Strap::Strap(const StrapOptions& options) : options_(options) {

@@ -1,6 +1,7 @@
-// A strap over the opening of a cuff: a grid of points held together by webbing that only pulls
-// along the strap. Both short ends are fixed to the cuff. Everything is in the cuff's frame; its
-// weight and inertia as a whole are part of the link, `mass` is for its motion against the link.
+// A strap over the opening of a cuff: a grid of points held together by webbing
+// that only pulls along the strap. Both short ends are fixed to the cuff.
+// Everything is in the cuff's frame; its weight and inertia as a whole are part
+// of the link, `mass` is for its motion against the link.
 #pragma once
 
 #include <array>
@@ -35,16 +36,18 @@ class Strap {
   double area() const { return options_.pitch * spacing(); }     // that a point stands for, m^2
   double point_mass() const { return options_.mass / points(); }
 
-  // Laid around a limb: an ellipsoid with its centre and its matrix Q, (y - c)' Q (y - c) = 1, in
-  // the cuff's frame. Points lie on the shortest path of their row; the webbing's lengths without
-  // tension follow. Throws Error (kArgument) for straps that are too short or miss the limb.
+  // Laid around a limb: an ellipsoid with its centre and its matrix Q, (y - c)'
+  // Q (y - c) = 1, in the cuff's frame. Points lie on the shortest path of
+  // their row; the webbing's lengths without tension follow. Throws Error
+  // (kArgument) for straps that are too short or miss the limb.
   struct Donned {
     Matrix points;             // 3 x points, m
     std::vector<double> rest;  // of each edge, m
   };
   Donned don(const Vector3& centre, const Matrix3& ellipsoid) const;
 
-  // Forces on the moving points and how they change, for positions of all points.
+  // Forces on the moving points and how they change, for positions of all
+  // points.
   struct Webbing {
     Vector force;      // 3 a moving point, N
     Matrix stiffness;  // -d force / d position, positive semidefinite, N/m

@@ -16,6 +16,43 @@ TissueOptions TissueOptions::forearm() {
   return options;
 }
 
+namespace {
+
+// Of an ellipsoid, within 1.1 % (Thomsen's formula): exact enough for a ratio
+// of two alike.
+double ellipsoid_surface(const Vector3& axes) {
+  constexpr double kPower = 1.6075;
+  const double a = std::pow(axes.x(), kPower), b = std::pow(axes.y(), kPower),
+               c = std::pow(axes.z(), kPower);
+  return 4.0 * kPi * std::pow((a * b + a * c + b * c) / 3.0, 1.0 / kPower);
+}
+
+// Elements slide along rays from the centre, which meet the surface of a long
+// ellipsoid at a slant: pressed across the limb it is stiffer by the mean of 1
+// / cos^2 of that slant over what is pressed, 1 + <x^2> / <z^2>. The factor is
+// that of compressions to strains of 0.3: with it tissues of 0.08 to 0.12 m
+// have the same modulus within 9 %.
+double slant_stiffening(const Vector3& axes) {
+  const double slender = 2.0 * axes.x() / (axes.y() + axes.z());
+  return 1.0 + 0.19 * slender * slender;
+}
+
+}  // namespace
+
+TissueOptions TissueOptions::of_half_length(double half_length) const {
+  TissueOptions other = *this;
+  other.semi_axes.x() = half_length;
+  const double larger = ellipsoid_surface(other.semi_axes) / ellipsoid_surface(semi_axes);
+  const double straight = slant_stiffening(semi_axes) / slant_stiffening(other.semi_axes);
+  other.standard = static_cast<int>(std::lround(standard * larger * straight));
+  other.volume = volume / larger;  // a pressure comes of the volume's relative change
+  return other;
+}
+
+double TissueOptions::foundation() const {
+  return stiffness * standard / ellipsoid_surface(semi_axes);
+}
+
 void TissueOptions::check() const {
   const auto positive = [](double value, const char* argument, const char* message) {
     require(std::isfinite(value) && value > 0.0, argument, message);
@@ -50,7 +87,8 @@ Tissue::Tissue(const TissueOptions& options)
     share[i] = mesh_.area(i) / one;
     rate[i] = mesh_.volume_rate(i) / one;
   }
-  // Springs between neighbours on a square grid are a membrane whose tension is their stiffness.
+  // Springs between neighbours on a square grid are a membrane whose tension is
+  // their stiffness.
   Matrix shape = options.neighbour * mesh_.laplacian();
   shape.diagonal() += share;
   damping_ = options.viscosity * shape;

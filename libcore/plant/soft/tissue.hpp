@@ -1,7 +1,8 @@
-// Soft tissue: elements on an ellipsoid that slide along their radius, held by springs and dampers
-// to the centre, to their neighbours, and by their common volume. All stiffness is true (N/m) and
-// spread over the surface, so that neither the number of elements nor their mass changes it.
-// Elements do not touch each other.
+// Soft tissue: elements on an ellipsoid that slide along their radius, held by
+// springs and dampers to the centre, to their neighbours, and by their common
+// volume. All stiffness is true (N/m) and spread over the surface, so that
+// neither the number of elements nor their mass changes it. Elements do not
+// touch each other.
 #pragma once
 
 #include <Eigen/Cholesky>
@@ -13,7 +14,8 @@ namespace ulna {
 struct TissueOptions {
   Vector3 semi_axes = Vector3(0.08, 0.04, 0.04);  // first along the limb, m
   std::array<int, 3> counts = {9, 5, 5};
-  double stiffness = 537.5;     // of an element to the centre, N/m, where there are `standard` ones
+  double stiffness = 537.5;     // of an element to the centre, N/m, where there are
+                                // `standard` ones
   double viscosity = 10.0;      // of such an element, N s/m
   int standard = 162;           // number of elements that stiffness and viscosity are quoted for
   double neighbour = 0.7;       // stiffness of the surface, of `stiffness`
@@ -22,7 +24,11 @@ struct TissueOptions {
 
   static TissueOptions upper_arm();
   static TissueOptions forearm();
-  void check() const;  // throws Error (kArgument)
+  // The same tissue around a longer or shorter piece of the limb, with the same
+  // modulus when it is compressed across the limb.
+  TissueOptions of_half_length(double half_length) const;
+  double foundation() const;  // stiffness to the centre for each area of the surface, N/m^3
+  void check() const;         // throws Error (kArgument)
 };
 
 class Tissue {
@@ -33,8 +39,8 @@ class Tissue {
   const TissueMesh& mesh() const { return mesh_; }
   int size() const { return mesh_.size(); }
 
-  // Forces of the springs for radial displacements (outward, m) are -stiffness() s, of the dampers
-  // -damping() ds/dt.
+  // Forces of the springs for radial displacements (outward, m) are
+  // -stiffness() s, of the dampers -damping() ds/dt.
   const Matrix& stiffness() const { return stiffness_; }  // N/m
   const Matrix& damping() const { return damping_; }      // N s/m
   const Vector& mass() const { return mass_; }            // kg
@@ -49,8 +55,8 @@ class Tissue {
   Vector mass_;
 };
 
-// One time step of a tissue by the implicit Euler rule, with contacts left open:
-// rate after = free rate + compliance x forces on the elements.
+// One time step of a tissue by the implicit Euler rule, with contacts left
+// open: rate after = free rate + compliance x forces on the elements.
 class TissueStep {
  public:
   TissueStep(const Tissue& tissue, double timestep);

@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 
 #include "base/error.hpp"
@@ -20,7 +21,8 @@ TissueMesh::TissueMesh(const Vector3& semi_axes, const std::array<int, 3>& count
   measure();
 }
 
-// Grid points on the cube's surface, pushed out to the unit sphere and stretched to the ellipsoid.
+// Grid points on the cube's surface, pushed out to the unit sphere and
+// stretched to the ellipsoid.
 void TissueMesh::add_points(const std::array<int, 3>& n) {
   index_of_grid_.assign(at(n[0] * n[1] * n[2]), -1);
   int grid = 0;
@@ -58,7 +60,8 @@ void TissueMesh::add_faces(const std::array<int, 3>& n) {
             return index(g);
           };
           const int a = corner(0, 0), b = corner(1, 0), c = corner(1, 1), d = corner(0, 1);
-          // Diagonals that mirror each other keep the mesh as symmetric as the ellipsoid.
+          // Diagonals that mirror each other keep the mesh as symmetric as the
+          // ellipsoid.
           const bool even = (2 * i + 1 < n[u]) == (2 * j + 1 < n[v]);
           add_triangle(a, b, even ? d : c);
           even ? add_triangle(b, c, d) : add_triangle(a, c, d);
@@ -73,9 +76,8 @@ void TissueMesh::add_triangle(int a, int b, int c) {
   corners << point(a), point(b), point(c);
   if (corners.determinant() < 0.0) {
     std::swap(b, c);
-    corners << point(a), point(b), point(c);
   }
-  triangles_.push_back({{a, b, c}, corners.inverse()});
+  triangles_.push_back({{a, b, c}});
 }
 
 void TissueMesh::measure() {
@@ -96,35 +98,56 @@ void TissueMesh::measure() {
       laplacian_(l, l) += weight;
     }
   }
+  // As far as the longest side of a triangle, so that each place has its
+  // corners within reach.
+  on_sphere_.resize(3, size());
+  for (int i = 0; i < size(); ++i) on_sphere_.col(i) = point(i).cwiseQuotient(semi_axes_);
+  reach_ = 0.0;
+  for (const Triangle& t : triangles_) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Vector3 side = on_sphere_.col(t.corner[k]) - on_sphere_.col(t.corner[(k + 1) % 3]);
+      reach_ = std::max(reach_, side.norm());
+    }
+  }
 }
 
-SurfacePlace TissueMesh::place(const Vector3& position, int& near) const {
-  constexpr double kEdge = -1e-9;
-  const auto count = static_cast<int>(triangles_.size());
-  near = near >= 0 && near < count ? near : 0;
-  int best = near;
-  double best_share = -kInfinity;
-  // The last triangle first, then all; on the boundary the one that is least outside.
-  for (int k = -1; k < count && best_share < kEdge; ++k) {
-    const int t = k < 0 ? near : k;
-    const Vector3 b = triangles_[at(t)].inverse * position;
-    const double sum = b.sum();
-    const double share = sum > 0.0 ? b.minCoeff() / sum : -kInfinity;
-    if (share > best_share) best = t, best_share = share;
-  }
-  near = best;
-  const Triangle& t = triangles_[at(best)];
-  const Vector3 b = t.inverse * position;
+// A partition of unity with the kernel (1 - (d / reach)^2)^3, d on the unit
+// sphere.
+SurfacePlace TissueMesh::place(const Vector3& position) const {
+  const Vector3 scaled = position.cwiseQuotient(semi_axes_);
+  const double length = scaled.norm();
+  const Vector3 unit = scaled / length;
+  const double narrow = 1.0 / (reach_ * reach_);
   SurfacePlace place;
-  place.corner = t.corner;
-  place.share = b / b.sum();
-  place.gradient = (t.inverse - place.share * t.inverse.colwise().sum()) / b.sum();
-  const Vector3 weight = semi_axes_.cwiseAbs2().cwiseInverse();
+  std::vector<double> weight;
+  double sum = 0.0;
+  for (int i = 0; i < size(); ++i) {
+    const double inside = 1.0 - (unit - on_sphere_.col(i)).squaredNorm() * narrow;
+    if (inside <= 0.0) continue;
+    place.element.push_back(i);
+    weight.push_back(inside);
+    sum += inside * inside * inside;
+  }
+  const auto n = static_cast<Index>(weight.size());
+  place.share.resize(n);
+  place.gradient.resize(n, 3);
+  // d weight / d unit, then unit by scaled by position.
+  Vector3 total = Vector3::Zero();
+  for (Index k = 0; k < n; ++k) {
+    const auto i = static_cast<std::size_t>(k);
+    place.share[k] = weight[i] * weight[i] * weight[i] / sum;
+    const Vector3 slope =
+        -6.0 * weight[i] * weight[i] * narrow / sum * (unit - on_sphere_.col(place.element[i]));
+    place.gradient.row(k) = slope.transpose();
+    total += slope;
+  }
+  const Matrix3 turn = (Matrix3::Identity() - unit * unit.transpose()) / length *
+                       semi_axes_.cwiseInverse().asDiagonal();
+  place.gradient = ((place.gradient - place.share * total.transpose()) * turn).eval();
   const double distance = position.norm();
-  const double q = position.dot(weight.cwiseProduct(position));
-  place.radius = distance / std::sqrt(q);
-  place.slope = position / distance - position / (distance * std::sqrt(q)) +
-                distance * weight.cwiseProduct(position) / (q * std::sqrt(q));
+  place.radius = distance / length;
+  place.slope = position / distance - position / (distance * length) +
+                distance / (length * length * length) * scaled.cwiseQuotient(semi_axes_);
   return place;
 }
 
