@@ -125,15 +125,19 @@ std::vector<Shape> interface_shapes(const SoftPlant& plant, const EngineRun& run
       add_strap(interface.strap(), state->strap_points(), frame, shapes);
     }
     if (!look.forces || drawn.size() == 0) continue;
-    // The cuff pushes from below its bottom, the strap over the opening.
+    // Arrows end at the limb: the cuff's at its bottom, the strap's over the opening.
     const Vector3 up = frame.cuff_axes.col(1);
     const Vector3 cuff_force = frame.cuff_axes * drawn.row(i).head<3>().transpose();
     const Vector3 strap_force = frame.cuff_axes * drawn.row(i).tail<3>().transpose();
     const double wide = interface.tissue().mesh().semi_axes().tail<2>().mean();
     add_force(frame.limb - wide * up - look.force_scale * cuff_force, cuff_force, look.force_scale,
               kCuffForce, shapes);
-    add_force(frame.limb + wide * up - look.force_scale * strap_force, strap_force,
-              look.force_scale, kStrapForce, shapes);
+    const Vector3 over =
+        state == nullptr
+            ? Vector3(frame.limb + wide * up)
+            : Vector3(frame.cuff + frame.cuff_axes * state->strap_points().rowwise().mean());
+    add_force(over - look.force_scale * strap_force, strap_force, look.force_scale, kStrapForce,
+              shapes);
   }
   return shapes;
 }

@@ -87,6 +87,7 @@ mjvGeom geom_of(const Shape& shape, const Vector3& position, const Matrix3& orie
   mjv_initGeom(&geom, engine_type(shape.kind), nullptr, position.data(), axes.data(),
                shape.colour.data());
   for (int i = 0; i < 3; ++i) geom.size[i] = static_cast<float>(size[i]);
+  if (shape.kind == ShapeKind::kArrow) geom.size[2] *= 2.0F;  // the engine draws half of it
   geom.category = mjCAT_DECOR;
   geom.specular = shape.shine;
   geom.shininess = 0.2F + 0.6F * shape.shine;

@@ -290,6 +290,37 @@ TEST(Renderer, ArrowsAndTranslucentShapes) {
   EXPECT_GT(dim.at(80, 20)[0], 90);
 }
 
+TEST(Renderer, ArrowsAndRodsEndWhereTheyShould) {
+  SKIP_WITHOUT_OPENGL();
+  const EngineModel model = EngineModel::from_text(kBall);
+  EngineRun run(model);
+  run.position()[0] = -5.0;  // out of the picture
+  run.forward();
+  RenderOptions options = small(400, 100);
+  options.samples = 1;
+  options.camera.look_at = Vector3::Zero();
+  options.camera.distance = 3.0;
+  options.camera.azimuth = 0.5 * kPi;
+  options.camera.elevation = 0.0;
+  Renderer renderer(model, {}, options);
+  const double pixels = 50.0 / (3.0 * std::tan(11 * kDegree));  // a metre
+  for (const ShapeKind kind : {ShapeKind::kArrow, ShapeKind::kCylinder}) {
+    const Shape rod = bar({-0.3, 0.0, 0.0}, {0.5, 0.0, 0.0}, 0.02, {1, 0, 0, 1}, kind);
+    const Shot shot = shoot(renderer, run, {rod});
+    int first = 400, last = 0;
+    for (int x = 0; x < 400; ++x) {
+      for (int y = 0; y < 100; ++y) {
+        if (std::isinf(shot.depth_at(x, y))) continue;
+        first = std::min(first, x);
+        last = std::max(last, x);
+      }
+    }
+    EXPECT_NEAR(first, 200 - 0.3 * pixels, 2.0) << static_cast<int>(kind);
+    // The point of an arrow is narrower than a pixel over its last five.
+    EXPECT_NEAR(last, 200 + 0.5 * pixels, kind == ShapeKind::kArrow ? 6.0 : 2.0);
+  }
+}
+
 TEST(Renderer, SoftInterfacesShowTheirForces) {
   SKIP_WITHOUT_OPENGL();
   const SoftPlant plant(SoftScene::of(ExoScene{}));
