@@ -60,7 +60,9 @@ ulna_status ulna_paired_compare(const ulna_view* first, const ulna_view* second,
                                 const ulna_paired_options* options, ulna_token* token, double* out,
                                 int64_t capacity, int64_t* out_count) {
   return guarded([&] {
-    const Matrix before = map_view(first, "first");
+    const StridedMap before = map_view(first, "first");
+    require(before.rows() >= 3 && before.cols() >= 1, "first",
+            "a comparison needs at least 3 subjects and 1 measure");
     const IntervalSpec spec = paired_interval(options);
     if (study_count_only(12 * before.cols(), out, capacity, out_count)) return;
     const Matrix after = map_view(second, "second");

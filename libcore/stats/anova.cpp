@@ -41,6 +41,9 @@ Matrix effect_contrasts(Index levels_first, Index levels_second, AnovaEffectKind
 }
 
 void check_cells(MatrixRef values, Index levels_first, Index levels_second, AnovaEffectKind kind) {
+  require(values.rows() >= 2, "values",
+          "the values have " + std::to_string(values.rows()) +
+              " rows, an analysis of variance needs at least 2 subjects");
   require(levels_first >= 2, "levels_first", "the first factor needs at least 2 levels");
   require(levels_second >= 1, "levels_second",
           "the second factor needs at least 2 levels, or 1 where there is none");
@@ -52,9 +55,6 @@ void check_cells(MatrixRef values, Index levels_first, Index levels_second, Anov
           "the values have " + std::to_string(values.cols()) + " columns, but the factors have " +
               std::to_string(levels_first) + " and " + std::to_string(levels_second) +
               " levels: give one column a combination");
-  require(values.rows() >= 2, "values",
-          "the values have " + std::to_string(values.rows()) +
-              " rows, an analysis of variance needs at least 2 subjects");
   for (Index i = 0; i < values.rows(); ++i) {
     for (Index j = 0; j < values.cols(); ++j) {
       if (std::isfinite(values(i, j))) continue;

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import ulna
+from ulna._call import check, ffi, lib, options, view
 from ulna.assist import (
     ForceCurve,
     ForceTable,
@@ -238,6 +239,13 @@ def test_shapes_and_values_that_cannot_be_are_refused():
         device.wrenches(shoulder, shoulder, hip)
     with pytest.raises(ulna.DataError, match="no length"):
         device.wrenches(shoulder, elbow, hip, up=(0, 0, 0))
+    with pytest.raises(ulna.ArgumentError, match=r"up has the shape \(2,\)|\(\.\.\., 3\)"):
+        device.wrenches(shoulder, elbow, hip, up=(0, 1))
+    with pytest.raises(ulna.ArgumentError, match="does not go with"):
+        elevation(elbow - shoulder, up=np.ones((5, 3)))
+    with pytest.raises(ulna.ArgumentError, match="left arm must have angles that increase"):
+        wrong = ForceCurve(np.array([0.5, 0.4]), *([np.ones(2)] * 4))
+        PassiveDevice(wrong).wrenches(shoulder, elbow, hip)
     with pytest.raises(ulna.ArgumentError, match="attachment"):
         PassiveDevice(device.curve, attachment=1.2)
     with pytest.raises(ulna.ArgumentError, match="mass_kg"):
@@ -246,6 +254,27 @@ def test_shapes_and_values_that_cannot_be_are_refused():
         PassiveDevice((device.curve,)).wrenches(shoulder, elbow, hip)
     with pytest.raises(ulna.ArgumentError, match="side"):
         elevation_of_joints([0, 0, 0], side="both")
+
+
+def test_the_interface_refuses_other_shapes():
+    curve = np.array([[0.5, 10.0, 0.0], [1.0, 20.0, 0.0]])
+    count = ffi.new("int64_t *")
+    for fields, poses, words in (
+        ({"left": curve}, np.zeros((3, 14)), "15 columns"),
+        ({"left": curve}, np.zeros((3, 15)), "left elbow lies in its shoulder at row 0"),
+        ({"left": curve[:, :2]}, np.ones((3, 15)), "left has 2 columns"),
+        ({"left": curve[:1]}, np.ones((3, 15)), "at least 2 angles"),
+        ({"left": curve * np.nan}, np.ones((3, 15)), "left"),
+        ({}, np.ones((3, 15)), "left"),
+        ({"left": curve, "along_arm": 2}, np.ones((3, 15)), "along_arm"),
+        ({"left": curve, "up": [np.inf, 0, 0]}, np.ones((3, 15)), "up"),
+    ):
+        device = options("ulna_arm_support", **fields)
+        out = np.full(66, 7.0)
+        pointer = ffi.cast("double *", out.ctypes.data)
+        with pytest.raises(ulna.Error, match=words):
+            check(lib.ulna_arm_support_wrenches(device, view(poses), pointer, out.size, count))
+        assert (out == 7).all()
 
 
 # The published study --------------------------------------------------------------------------------

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._call import DataError, FileError, FormatError
+from ._call import DataError, FileError, FormatError, lib, options, out_array, view
 from .record import refuse
 
 __all__ = [
@@ -41,9 +41,6 @@ Array = NDArray[np.float64]
 SIDES = ("left", "right")
 # Where the device holds the upper arm, as a share of its length from the shoulder.
 ATTACHMENT = 0.6895
-GRAVITY_M_S2 = 9.81
-# The arm within a thousandth of a degree of the vertical: no plane holds both.
-_SMALLEST_SINE = 2e-5
 
 _COLUMNS = {
     "F_support_N": "support_n",
@@ -76,12 +73,17 @@ def elevation(direction: ArrayLike, *, up: ArrayLike = (0.0, 0.0, 1.0)) -> Array
     >>> np.degrees(elevation([[0, 0, -1], [1, 0, 0], [0, 1, 1]])).round(12)
     array([  0.,  90., 135.])
     """
-    arm = _unit(_vectors(direction, "direction"), "direction")
-    vertical = _unit(_vectors(up, "up"), "up")
-    along = np.sum(arm * vertical, axis=-1)
-    # atan2 keeps its digits near the vertical, where an arc cosine loses half of them.
-    across = np.linalg.norm(np.cross(arm, vertical), axis=-1)
-    return np.asarray(np.arctan2(across, -along))
+    arms, vertical = _vectors(direction, "direction"), _vectors(up, "up")
+    _refuse_no_length(arms, "direction")
+    _refuse_no_length(vertical, "up")
+    try:
+        vertical = np.broadcast_to(vertical, arms.shape)
+    except ValueError:
+        raise refuse(
+            f"up has the shape {vertical.shape}, which does not go with {arms.shape}", "up"
+        ) from None
+    rows, ups = view(arms.reshape(-1, 3)), view(vertical.reshape(-1, 3))
+    return np.asarray(out_array(lib.ulna_arm_elevation, rows, ups)).reshape(arms.shape[:-1])
 
 
 def zxy_angles(angles_rad: ArrayLike) -> Array:
@@ -104,14 +106,8 @@ def zxy_angles(angles_rad: ArrayLike) -> Array:
     array([0.3, 0. , 0. ])
     """
     u = _vectors(angles_rad, "angles_rad")
-    (cx, cy, cz), (sx, sy, sz) = np.moveaxis(np.cos(u), -1, 0), np.moveaxis(np.sin(u), -1, 0)
-    # Entries of R_x R_y R_z that (16) needs.
-    r12, r22 = -cy * sz, cx * cz - sx * sy * sz
-    r31, r32, r33 = sx * sz - cx * sy * cz, sx * cz + cx * sy * sz, cx * cy
-    cosine = np.hypot(r12, r22)
-    out = np.stack([np.arctan2(r32, cosine), np.arctan2(-r31, r33), np.arctan2(-r12, r22)], axis=-1)
-    out[cosine < 1e-7, 1:] = np.nan
-    return np.asarray(out + 0.0)  # no negative zeros
+    turned = out_array(lib.ulna_shoulder_zxy, view(u.reshape(-1, 3)))
+    return np.asarray(turned).reshape(u.shape) + 0.0  # no negative zeros
 
 
 def elevation_of_joints(angles_rad: ArrayLike, *, side: str) -> Array:
@@ -526,38 +522,35 @@ class PassiveDevice:
         (array([ 0. ,  0. , 33.5]), array([  0.   ,   0.   , -17.658]))
         """
         shoulder, arm, hip = _poses(shoulder_m, elbow_m, hip_m)
-        vertical = _unit(_vectors(up, "up"), "up")
-        length = np.linalg.norm(arm, axis=-1, keepdims=True)
-        along = arm / length
-        angle = elevation(arm, up=vertical)
-        upward = vertical - np.sum(vertical * along, axis=-1, keepdims=True) * along
-        sine = np.linalg.norm(upward, axis=-1, keepdims=True)
-        upright = sine < _SMALLEST_SINE
-        across = np.where(upright, 0.0, upward / np.where(upright, 1.0, sine))
-        support, shear, outside = self._forces(angle)
-        force = support[..., None] * across
-        if self.along_arm:
-            force = force + shear[..., None] * along
-        point = shoulder + self.attachment * arm
-        reaction = -np.cross(point - hip[:, None, :], force).sum(axis=1)
-        weight = -self.mass_kg * GRAVITY_M_S2 * vertical
-        return DeviceWrenches(
-            arm_force_n=force,
-            arm_point_m=point,
-            hip_force_n=weight - force.sum(axis=1),
-            hip_moment_nm=reaction,
-            hip_point_m=hip,
-            elevation_rad=angle,
-            outside=outside | (upright[..., 0] & (support != 0)),
+        vertical = _vectors(up, "up")
+        if vertical.shape != (3,):
+            raise refuse(f"up has the shape {vertical.shape}, but (3,) is expected", "up")
+        _refuse_no_length(vertical, "up")
+        left, right = (
+            np.column_stack([curve.angle_rad, curve.support_n, curve.shear_n])
+            for curve in _curves(self.curve)
         )
-
-    def _forces(self, angle: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
-        curves = _curves(self.curve)
-        parts = [
-            (c.support(a), c.shear(a), c.outside(a)) for c, a in zip(curves, angle.T, strict=True)
-        ]
-        support, shear, outside = (np.stack(part, axis=-1) for part in zip(*parts, strict=True))
-        return support, shear, outside
+        device = options(
+            "ulna_arm_support",
+            left=left,
+            right=right,
+            attachment=float(self.attachment),
+            mass_kg=float(self.mass_kg) or -1.0,  # 0 would mean the default
+            up=vertical.tolist(),
+            along_arm=bool(self.along_arm),
+        )
+        frames = len(hip)
+        poses = np.hstack([shoulder.reshape(frames, 6), (shoulder + arm).reshape(frames, 6), hip])
+        found = out_array(lib.ulna_arm_support_wrenches, device, view(poses), shape=(frames, 22))
+        return DeviceWrenches(
+            arm_force_n=found[:, :6].reshape(frames, 2, 3),
+            arm_point_m=found[:, 6:12].reshape(frames, 2, 3),
+            hip_force_n=found[:, 12:15],
+            hip_moment_nm=found[:, 15:18],
+            hip_point_m=hip,
+            elevation_rad=found[:, 18:20],
+            outside=found[:, 20:22] != 0,
+        )
 
 
 def published_wrenches(
@@ -665,13 +658,11 @@ def _vectors(array: ArrayLike, name: str) -> Array:
     return values
 
 
-def _unit(vectors: Array, name: str) -> Array:
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    if np.any(length == 0):
+def _refuse_no_length(vectors: Array, name: str) -> None:
+    if np.any(np.linalg.norm(vectors, axis=-1) == 0):
         raise DataError(
             f"{name} holds a vector of no length", status="ULNA_ERROR_DATA", argument=name
         )
-    return vectors / length
 
 
 def _poses(

@@ -3,6 +3,7 @@
 #ifndef ULNA_ULNA_H
 #define ULNA_ULNA_H
 
+#include <ulna/arm_support.h>
 #include <ulna/assessment.h>
 #include <ulna/base.h>
 #include <ulna/batch.h>
