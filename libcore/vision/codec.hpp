@@ -29,7 +29,7 @@ class Codec {
   virtual std::string read_video(const char* path, VideoFacts& facts) noexcept = 0;
 };
 
-constexpr const char* kCodecLibrary = "libulna_vision.so";
+constexpr const char* kCodecLibrary = "libulna_vision.so.0";
 constexpr const char* kCodecSymbol = "ulna_vision_codec";
 using CodecFunction = Codec* (*)();
 

@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from ulna import exo, plot
-from ulna._call import ArgumentError, Error, FileError, ffi, lib
+from ulna._call import ArgumentError, DataError, Error, FileError, ffi, lib
 
 SMALL = (96, 72)
 DRAWS, WORDS = exo.render_available()
@@ -129,7 +129,7 @@ def test_soft_interfaces_show_what_holds_the_arm():
     assert (given != renderer.draw(run)).any()
     with pytest.raises(ArgumentError, match="row for each soft interface"):
         renderer.draw(run, forces=np.zeros((1, 6)))
-    with pytest.raises(ArgumentError, match="holds NaN"):
+    with pytest.raises(DataError, match="holds NaN"):
         renderer.draw(run, forces=np.full((2, 6), np.nan))
 
 
@@ -317,10 +317,11 @@ def test_figure_of_compressions():
         "soft",
         "stiff",
     ]
-    # The area that stress knows and the width that strain knows are those of one tissue, 160 mm long.
-    area = tests[0].force_n / tests[0].stress_pa
-    np.testing.assert_allclose(area, 0.16 * tests[0].width_m)
-    fore = exo.compression_test(True, limb="fore", largest_strain=0.1)
+    # The area that stress knows and the width that strain knows are of one tissue: the published
+    # one is 160 mm long.
+    upper = exo.compression_test({"cuffs": "published"}, largest_strain=0.1)
+    np.testing.assert_allclose(upper.force_n / upper.stress_pa, 0.16 * upper.width_m)
+    fore = exo.compression_test({"cuffs": "published"}, limb="fore", largest_strain=0.1)
     np.testing.assert_allclose(fore.force_n / fore.stress_pa, 0.16 * fore.width_m)
     assert fore.plot().shape == (1, 3)
     with pytest.raises(ArgumentError, match="2 tests need as many labels"):
