@@ -49,6 +49,16 @@ from ._exo_published import (
     published_assessment,
     published_simulation,
 )
+from ._exo_render import (
+    Renderer,
+    Video,
+    arrows,
+    film,
+    render,
+    render_available,
+    spheres,
+    write_png,
+)
 from ._exo_soft import (
     Bushing,
     Compression,
@@ -60,7 +70,6 @@ from ._exo_soft import (
 )
 
 __all__ = [
-    "PUBLISHED_DEFECTS",
     "Assessment",
     "AssessmentBatch",
     "AssessmentModel",
@@ -68,15 +77,20 @@ __all__ = [
     "Compression",
     "ElbowTorque",
     "InterfaceState",
+    "PUBLISHED_DEFECTS",
     "Plant",
     "Protocol",
     "PublishedAssessment",
+    "Renderer",
     "Run",
     "Soft",
+    "Video",
     "Viscoelasticity",
+    "arrows",
     "assess_batch",
     "compression_test",
     "exoskeleton",
+    "film",
     "fit_elbow_muscles",
     "identify_viscoelasticity",
     "isometric_torque",
@@ -90,7 +104,10 @@ __all__ = [
     "published_simulation",
     "read_device",
     "read_scene",
+    "render_available",
+    "spheres",
     "with_errors",
+    "write_png",
 ]
 
 Array = NDArray[np.float64]
@@ -326,6 +343,40 @@ class Plant:
         return bushings_of(
             out_array(lib.ulna_plant_bushings, self._pointer, shape=(-1, 86))
         )
+
+    def render(
+        self,
+        run: Run | None = None,
+        path: str | Path | None = None,
+        shapes: ArrayLike | None = None,
+        **look: Any,
+    ) -> NDArray[np.uint8]:
+        """A picture of the scene: device, arm, muscles from blue (no activation) to red (full).
+
+        Needs OpenGL, see :func:`render_available`; nothing else does.
+
+        Parameters
+        ----------
+        run : Run, optional
+            As its last step or `forward` left it. Default: the reference, at rest.
+        path : path, optional
+            To write the picture to as well; ends with .png.
+        shapes : array_like, shape (shapes, 12), optional
+            What else to draw, of :func:`arrows` and :func:`spheres`.
+        **look
+            What :class:`Renderer` takes: size, camera, person, samples ...
+
+        Returns
+        -------
+        ndarray of uint8, shape (height, width, 3)
+
+        Examples
+        --------
+        >>> plant = exoskeleton()
+        >>> if render_available()[0]:
+        ...     assert plant.render(size=(64, 48), camera="side").shape == (48, 64, 3)
+        """
+        return render(self, run, path, shapes, look)
 
     def run(self) -> Run:
         """A simulation that starts in the reference, at rest."""
