@@ -1,9 +1,12 @@
 #include <ulna/stats.h>
 
+#include <cmath>
+
 #include "arguments.hpp"
 #include "guard.hpp"
 #include "handles.hpp"
 #include "stats/anova.hpp"
+#include "stats/distributions.hpp"
 #include "study.hpp"
 #include "study/paired.hpp"
 
@@ -12,11 +15,21 @@ using namespace ulna::capi;
 
 namespace {
 
-IntervalSpec paired_interval(const ulna_paired_options* options) {
+// The level at which normal quantiles reach as far as Student's t does for the true spread of n
+// subjects, of which a bootstrap shows sqrt((n - 1) / n).
+double expanded_level(double level, Index subjects) {
+  const auto n = static_cast<double>(subjects);
+  const double t = student_quantile(0.5 * (1.0 + level), n - 1.0) * std::sqrt(n / (n - 1.0));
+  return std::erf(t / std::sqrt(2.0));
+}
+
+IntervalSpec paired_interval(const ulna_paired_options* options, Index subjects) {
   const ulna_paired_options o = read_options(options, "options");
   IntervalSpec out;
   out.kind = flag(o.percentile, "percentile") ? IntervalKind::kPercentile : IntervalKind::kBca;
   out.level = or_default(o.level, 0.95);
+  require(out.level > 0.0 && out.level < 1.0, "level", "level must lie between 0 and 1");
+  if (!flag(o.plain, "plain")) out.level = expanded_level(out.level, subjects);
   out.resamples = o.resamples == 0 ? 5000 : o.resamples;
   out.seed = static_cast<std::uint64_t>(o.seed);
   out.threads = o.threads;
@@ -63,7 +76,7 @@ ulna_status ulna_paired_compare(const ulna_view* first, const ulna_view* second,
     const StridedMap before = map_view(first, "first");
     require(before.rows() >= 3 && before.cols() >= 1, "first",
             "a comparison needs at least 3 subjects and 1 measure");
-    const IntervalSpec spec = paired_interval(options);
+    const IntervalSpec spec = paired_interval(options, before.rows());
     if (study_count_only(12 * before.cols(), out, capacity, out_count)) return;
     const Matrix after = map_view(second, "second");
     const Vector table = paired_table(paired_estimates(before, after, spec, token_of(token)));

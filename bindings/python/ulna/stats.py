@@ -238,7 +238,7 @@ class Paired:
         >>> without = rng.normal(20, 3, size=12)
         >>> print(compare_pairs(without, without - 5 + rng.normal(size=12)).summary())
         12 subjects, 95 % intervals
-        value: -5 [-5.3, -4.58], -24.2 % [-26.1, -22.2]
+        value: -5 [-5.35, -4.52], -24.2 % [-26.4, -22]
         """
         lines = [f"{self.subjects} subjects, {100 * self.level:g} % intervals"]
         for i, name in enumerate(self.names):
@@ -262,12 +262,14 @@ def compare_pairs(
     resamples: int = 5000,
     seed: int = 0,
     interval: str = "bca",
+    expand: bool = True,
     progress: bool = False,
 ) -> Paired:
     """Change between two conditions with bootstrap intervals over subjects.
 
-    Whole subjects are drawn, so the pairs stay together and so do the measures of one subject. With a
-    dozen subjects such intervals are somewhat narrow (a 95 % one holds the truth in about 92 %).
+    Whole subjects are drawn, so the pairs stay together and so do the measures of one subject. A
+    bootstrap of a dozen subjects is too narrow (of a hundred 95 % intervals 90 hold the truth), so its
+    quantiles are moved out as Student's t would (Hesterberg 2015).
 
     Parameters
     ----------
@@ -283,6 +285,8 @@ def compare_pairs(
         The same seed gives the same intervals, whatever the number of threads.
     interval : {"bca", "percentile"}
         Bias-corrected and accelerated (Efron 1987), or plain quantiles.
+    expand
+        Move the quantiles out for few subjects.
     progress
         Show a bar (needs tqdm).
 
@@ -311,6 +315,7 @@ def compare_pairs(
         resamples=max(int(resamples), 1),
         seed=int(seed),
         percentile=interval == "percentile",
+        plain=not expand,
     )
     out = np.empty((a.shape[1], 3, 4))
     pointer = ffi.cast("double *", out.__array_interface__["data"][0])

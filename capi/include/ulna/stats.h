@@ -49,7 +49,9 @@ ULNA_API ulna_status ulna_anova_repeated(const ulna_view *values, int64_t levels
  * @since 0.1 */
 ULNA_API ulna_status ulna_f_tail(double f, double dof, double error_dof, double *out_p);
 
-/** How a paired comparison is done. Zero bytes mean the defaults named here.
+/** How a paired comparison is done. Zero bytes mean the defaults named here. A bootstrap of few
+ * subjects is too narrow, by sqrt((n - 1) / n) and for want of Student's t; unless `plain` is 1 its
+ * quantiles are moved out by as much (Hesterberg 2015, "expanded percentiles").
  * @since 0.1 */
 typedef struct ulna_paired_options {
   int64_t struct_size; /* sizeof(ulna_paired_options) */
@@ -57,7 +59,9 @@ typedef struct ulna_paired_options {
   int64_t resamples;   /* 50 to a million; 0: 5000 */
   int64_t seed;        /* 0 is a seed */
   int32_t percentile;  /* 1: quantiles of the resamples; 0: bias-corrected and accelerated */
+  int32_t plain;       /* 1: quantiles as they are; 0: moved out for few subjects */
   int32_t threads;     /* 0: one per processor; the result is the same */
+  int32_t reserved;    /* zero */
 } ulna_paired_options;
 
 /** Change from a first to a second condition, subjects x measures each. out: for each measure the
