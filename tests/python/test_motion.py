@@ -14,6 +14,7 @@ from ulna.motion import (
     hinge_angles,
     identify_mount,
     joint_angles,
+    proper_acceleration,
     rotation_matrices,
     segment,
 )
@@ -131,6 +132,24 @@ def test_a_turn_does_not_jump():
     angles, _ = joint_angles(log, ["j_rotz"], connections={"j": ("A/j", "B/j")})
     np.testing.assert_allclose(angles[:, 0], 4 * t, atol=1e-9)
     assert segment(log, "A")[1].shape == (300, 3) and np.isnan(segment(log, "A")[1]).all()
+
+
+def test_the_accelerometer_reads_gravity_in_its_own_axes():
+    rng = np.random.default_rng(5)
+    q = rng.normal(size=(30, 4))
+    q /= np.linalg.norm(q, axis=1, keepdims=True)
+    free = rng.normal(size=(30, 3))
+    channels = {f"Head_free_acceleration_{a}": free[:, i] for i, a in enumerate("xyz")}
+    channels |= {f"Head_sensor_q{p}": q[:, i] for i, p in enumerate("wxyz")}
+    log = ulna.Record.from_arrays(np.arange(30) / 60, channels)
+    found = proper_acceleration(log, "Head")
+    back = np.einsum("nij,nj->ni", rotation_matrices(q), found)
+    np.testing.assert_allclose(back, free + [0, 0, 9.81], atol=1e-13)
+    own = {f"Head_sensor_acceleration_{a}": free[:, i] for i, a in enumerate("xyz")}
+    log = ulna.Record.from_arrays(np.arange(30) / 60, {**channels, **own})
+    np.testing.assert_array_equal(proper_acceleration(log, "Head"), free)
+    with pytest.raises(ulna.ArgumentError, match="neither T8_sensor_acceleration_x nor T8_free"):
+        proper_acceleration(log, "T8")
 
 
 def test_derivatives_belong_together_and_tell_their_noise():

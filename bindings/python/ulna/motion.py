@@ -26,6 +26,7 @@ __all__ = [
     "hinge_angles",
     "identify_mount",
     "joint_angles",
+    "proper_acceleration",
     "rotation_matrices",
     "segment",
 ]
@@ -120,6 +121,51 @@ def segment(record: Record, name: str) -> tuple[Array, Array]:
     if f"{name}_position_x" not in record:
         return rotation, np.full((len(record), 3), np.nan)
     return rotation, np.stack([record[f"{name}_position_{axis}"] for axis in "xyz"], axis=-1)
+
+
+def proper_acceleration(record: Record, sensor: str) -> Array:
+    """What the accelerometer of a suit's sensor reads, in the sensor's axes.
+
+    Parameters
+    ----------
+    record
+        As `ulna.read` gives an MVNX file: with ``<sensor>_sensor_acceleration_x`` …, or with the free
+        acceleration ``<sensor>_free_acceleration_x`` … (global, gravity removed) and the orientation
+        ``<sensor>_sensor_qw`` ….
+    sensor
+        Its label.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        In m/s^2, gravity included: 9.81 upward at rest.
+
+    Examples
+    --------
+    >>> import ulna
+    >>> zeros = {f"T8_free_acceleration_{axis}": [0, 0] for axis in "xyz"}
+    >>> turned = {"T8_sensor_qw": [0.5, 0.5], "T8_sensor_qx": [0.5, 0.5], "T8_sensor_qy": [0.5, 0.5],
+    ...           "T8_sensor_qz": [0.5, 0.5]}
+    >>> log = ulna.Record.from_arrays([0, 0.1], zeros | turned)
+    >>> proper_acceleration(log, "T8")[0].tolist()
+    [0.0, 9.81, 0.0]
+    """
+    read = [f"{sensor}_sensor_acceleration_{axis}" for axis in "xyz"]
+    if all(name in record for name in read):
+        return np.stack([record[name] for name in read], axis=-1)
+    free = [f"{sensor}_free_acceleration_{axis}" for axis in "xyz"]
+    turn = [f"{sensor}_sensor_q{part}" for part in "wxyz"]
+    missing = [name for name in free + turn if name not in record]
+    if missing:
+        raise refuse(
+            f"there is neither {read[0]} nor {missing[0]}: the acceleration of {sensor!r} in its own "
+            "axes needs the free acceleration and the orientation",
+            "sensor",
+        )
+    acceleration = np.stack([record[name] for name in free], axis=-1)
+    rotation = rotation_matrices(np.stack([record[name] for name in turn], axis=-1))
+    upward = np.array([0.0, 0.0, GRAVITY_M_S2])
+    return np.asarray(np.einsum("nji,nj->ni", rotation, acceleration + upward))
 
 
 def hinge_angles(rotations: ArrayLike, *, axes: str = "xyz") -> tuple[Array, Array]:
