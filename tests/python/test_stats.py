@@ -26,6 +26,7 @@ def test_the_table_worked_by_hand():
         found["subject"]
 
 
+@pytest.mark.filterwarnings("ignore")  # of the peer
 @pytest.mark.parametrize("shape", [(12, 2, 5), (6, 3, 3), (9, 4)])
 def test_equal_to_pingouin(shape):
     pingouin = pytest.importorskip("pingouin")
