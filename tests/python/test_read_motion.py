@@ -485,6 +485,30 @@ def test_a_spoiled_c3d_is_refused_in_words(tmp_path):
             ulna.read(spoiled, format="c3d")
 
 
+def test_a_c3d_that_ends_its_reader_is_refused(tmp_path):
+    """Damage in the parameters crashes the library: that happens in a process of its own."""
+    data = c3d(tmp_path)[0].read_bytes()
+    rng = np.random.default_rng(11)
+    refused = 0
+    for _ in range(8):
+        spoiled = bytearray(data)
+        for place in rng.integers(512, 1024, size=6):
+            spoiled[place] = int(rng.integers(256))
+        try:
+            ulna.read(bytes(spoiled), format="c3d", part="points")
+        except ulna.Error as failure:
+            refused += 1
+            assert "\n" not in str(failure)
+    assert refused >= 2
+
+
+def test_a_c3d_without_its_library_says_what_to_install(tmp_path, monkeypatch):
+    path = c3d(tmp_path)[0]
+    monkeypatch.setattr("ulna._read_c3d.find_spec", lambda name: None)
+    with pytest.raises(ImportError, match=r"pip install ulna\[c3d\]"):
+        ulna.read(path)
+
+
 # Everything ---------------------------------------------------------------------------------------
 
 
