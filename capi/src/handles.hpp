@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "base/token.hpp"
+#include "estimate/body_recording.hpp"
 #include "ident/force_errors.hpp"
 #include "ident/order_search.hpp"
 #include "ident/robot_parameters.hpp"
@@ -161,6 +162,25 @@ struct ulna_mobilisation {
 
 struct ulna_viscoelastic {
   std::vector<ulna::Viscoelasticity> joints;
+};
+
+struct ulna_body {
+  std::shared_ptr<const ulna::BodyTree> tree;
+};
+
+struct ulna_sensors {
+  std::shared_ptr<const ulna::SensorSuite> suite;
+};
+
+struct ulna_torques {
+  ulna::BodyTorques torques;
+};
+
+struct ulna_torque_stream {
+  std::unique_ptr<ulna::TorqueEstimator> closed;  // one of the two
+  std::unique_ptr<ulna::MapEstimator> sparse;
+  ulna::BodyState state;
+  ulna::Vector measured;
 };
 
 namespace ulna::capi {

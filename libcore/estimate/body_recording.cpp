@@ -102,6 +102,8 @@ void size_results(BodyTorques& out, const SensorSuite& suite, Index frames,
   }
 }
 
+Eigen::Map<const Eigen::RowVectorXd> flat(const Matrix& m) { return {m.data(), m.size()}; }
+
 void store(const TorqueFrame& f, Index i, const KeepOptions& keep, BodyTorques& out) {
   out.torque.row(i) = f.torque.transpose();
   out.joint_acceleration.row(i) = f.joint_acceleration.transpose();
@@ -109,9 +111,6 @@ void store(const TorqueFrame& f, Index i, const KeepOptions& keep, BodyTorques& 
   out.residual_deviation.row(i) = f.residual_covariance.diagonal().cwiseSqrt().transpose();
   out.balance_nis[i] = f.balance_nis;
   out.motion_nis[i] = f.motion_nis;
-  const auto flat = [](const Matrix& m) {
-    return Eigen::Map<const Eigen::RowVectorXd>(m.data(), m.size());
-  };
   if (keep.wrenches) {
     out.external.row(i) = flat(f.external);
     out.joint_wrench.row(i) = flat(f.joint_wrench);
@@ -163,48 +162,101 @@ void check_recording(const SensorSuite& suite, const BodyRecording& r) {
   }
 }
 
+namespace {
+
+// All frames in chunks, each with a solver of its own: use(solver, state, y, frame, chunk).
+template <class Make, class Use>
+void for_each_frame(const SensorSuite& suite, const BodyRecording& recording,
+                    const std::vector<Between>& states, int threads, Token* token, Make make,
+                    Use use) {
+  const Index frames = recording.frames();
+  const Rows rows{suite};
+  parallel_for((frames + kChunk - 1) / kChunk, threads,
+               [&](std::ptrdiff_t chunk) {
+                 auto solver = make();
+                 BodyState state, other;
+                 Vector y(suite.rows());
+                 for (Index i = chunk * kChunk; i < std::min<Index>(frames, (chunk + 1) * kChunk);
+                      ++i) {
+                   const Between& at = states[static_cast<std::size_t>(i)];
+                   if (suite.rows() > 0) y = recording.measured.row(i).transpose();
+                   if (at.before < 0) {
+                     state_of(recording, i, state);
+                   } else {
+                     blend(recording, i, at, state, other);
+                     if (at.after != at.before) rows.drop_hinges(y);
+                   }
+                   use(solver, state, y, i, static_cast<std::size_t>(chunk));
+                 }
+               },
+               token);
+}
+
+void count_bridges(const std::vector<Between>& states, BodyTorques& out) {
+  for (std::size_t i = 0; i < states.size(); ++i) {
+    out.bridged[i] = states[i].before != states[i].after ? 1 : 0;
+    out.unusable += states[i].before < 0 ? 1 : 0;
+  }
+}
+
+void check_call(const SensorSuite& suite, const BodyRecording& recording, Index longest_gap) {
+  require(longest_gap >= 0, "longest_gap", "the longest gap must not be negative");
+  check_recording(suite, recording);
+}
+
+}  // namespace
+
 BodyTorques estimate_recording(std::shared_ptr<const SensorSuite> suite,
                                const BodyRecording& recording, const TorqueOptions& options,
                                const KeepOptions& keep, Index longest_gap, Token* token) {
-  require(longest_gap >= 0, "longest_gap", "the longest gap must not be negative");
-  check_recording(*suite, recording);
+  check_call(*suite, recording, longest_gap);
   static_cast<void>(TorqueEstimator(suite, options));  // refuses options before the work
   const Index frames = recording.frames();
   BodyTorques out;
   size_results(out, *suite, frames, keep);
   const std::vector<Between> states = find_states(recording, longest_gap);
-  const Index chunks = (frames + kChunk - 1) / kChunk;
-  std::vector<double> likelihood(static_cast<std::size_t>(chunks), 0.0);
-  std::vector<Index> unusable(static_cast<std::size_t>(chunks), 0);
-  const Rows rows{*suite};
-  parallel_for(
-      chunks, keep.threads,
-      [&](std::ptrdiff_t chunk) {
-        TorqueEstimator estimator(suite, options);
-        BodyState state, other;
-        Vector y(suite->rows());
-        const auto c = static_cast<std::size_t>(chunk);
-        for (Index i = chunk * kChunk; i < std::min<Index>(frames, (chunk + 1) * kChunk); ++i) {
-          const Between& at = states[static_cast<std::size_t>(i)];
-          if (suite->rows() > 0) y = recording.measured.row(i).transpose();
-          if (at.before < 0) {
-            state_of(recording, i, state);
-            ++unusable[c];
-          } else {
-            blend(recording, i, at, state, other);
-            if (at.after != at.before) {
-              rows.drop_hinges(y);
-              out.bridged[static_cast<std::size_t>(i)] = 1;
-            }
-          }
-          const TorqueFrame& f = estimator.update(state, y, keep.deviations);
-          if (f.usable) likelihood[c] += f.log_likelihood;
-          store(f, i, keep, out);
-        }
-      },
-      token);
+  count_bridges(states, out);
+  std::vector<double> likelihood(static_cast<std::size_t>((frames + kChunk - 1) / kChunk), 0.0);
+  for_each_frame(
+      *suite, recording, states, keep.threads, token,
+      [&] { return TorqueEstimator(suite, options); },
+      [&](TorqueEstimator& estimator, const BodyState& state, const Vector& y, Index i,
+          std::size_t chunk) {
+        const TorqueFrame& f = estimator.update(state, y, keep.deviations);
+        if (f.usable) likelihood[chunk] += f.log_likelihood;
+        store(f, i, keep, out);
+      });
   for (const double l : likelihood) out.log_likelihood += l;
-  for (const Index n : unusable) out.unusable += n;
+  return out;
+}
+
+BodyTorques estimate_uncertain(std::shared_ptr<const SensorSuite> suite,
+                               const BodyRecording& recording, const ModelDeviation& model,
+                               const KeepOptions& keep, Index longest_gap, Token* token) {
+  check_call(*suite, recording, longest_gap);
+  static_cast<void>(MapEstimator(suite, model));
+  BodyTorques out;
+  const Index frames = recording.frames();
+  const Index n = suite->body().dofs();
+  const Index wrenches = keep.wrenches ? 6 * suite->body().size() : 0;
+  out.torque.resize(frames, n);
+  out.joint_acceleration.resize(frames, n);
+  out.external.resize(keep.wrenches ? frames : 0, wrenches);
+  out.joint_wrench.resize(keep.wrenches ? frames : 0, wrenches);
+  out.bridged.assign(static_cast<std::size_t>(frames), 0);
+  out.log_likelihood = kNaN;
+  const std::vector<Between> states = find_states(recording, longest_gap);
+  count_bridges(states, out);
+  for_each_frame(
+      *suite, recording, states, keep.threads, token, [&] { return MapEstimator(suite, model); },
+      [&](MapEstimator& estimator, const BodyState& state, const Vector& y, Index i, std::size_t) {
+        const MapFrame& f = estimator.update(state, y);
+        out.torque.row(i) = f.torque.transpose();
+        out.joint_acceleration.row(i) = f.joint_acceleration.transpose();
+        if (!keep.wrenches) return;
+        out.external.row(i) = flat(f.external);
+        out.joint_wrench.row(i) = flat(f.joint_wrench);
+      });
   return out;
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "base/token.hpp"
+#include "estimate/map_estimator.hpp"
 #include "estimate/torque_estimator.hpp"
 
 namespace ulna {
@@ -48,6 +49,13 @@ struct BodyTorques {
 // is as wide as the accelerometers and the prior leave it. Longer gaps give NaN.
 BodyTorques estimate_recording(std::shared_ptr<const SensorSuite> suite,
                                const BodyRecording& recording, const TorqueOptions& options = {},
+                               const KeepOptions& keep = {}, Index longest_gap = 12,
+                               Token* token = nullptr);
+
+// The same with dynamics that are uncertain themselves: torques, accelerations of hinges and, where
+// asked for, wrenches; means only.
+BodyTorques estimate_uncertain(std::shared_ptr<const SensorSuite> suite,
+                               const BodyRecording& recording, const ModelDeviation& model,
                                const KeepOptions& keep = {}, Index longest_gap = 12,
                                Token* token = nullptr);
 

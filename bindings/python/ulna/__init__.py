@@ -87,6 +87,8 @@ _HOMES = {
     "ReflexEstimate": "reflex",
 }
 _MODULES = (
+    "body",
+    "torques",
     "assist",
     "clocks",
     "design",

@@ -7,7 +7,9 @@
 #include <ulna/assessment.h>
 #include <ulna/base.h>
 #include <ulna/batch.h>
+#include <ulna/body.h>
 #include <ulna/design.h>
+#include <ulna/estimate.h>
 #include <ulna/exo.h>
 #include <ulna/frf.h>
 #include <ulna/ident.h>

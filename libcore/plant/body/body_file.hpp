@@ -26,6 +26,9 @@ std::string to_mjcf(const BodyTree& body, const std::string& name, bool free_bas
 // several trees and for a scene without bodies.
 BodyTree from_mjcf(const std::string& text);
 
+// URDF or MJCF, told apart by the first element. Throws Error (kFormat).
+BodyTree body_from_text(const std::string& text);
+
 // Reads a URDF or MJCF file, told apart by its first element. Throws Error: kFile, kFormat.
 BodyTree read_body(const std::string& path);
 

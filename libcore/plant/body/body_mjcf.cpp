@@ -26,12 +26,12 @@ bool merges(const BodyTree& body, Index link) {
 }
 
 void mjcf_shape(MjcfElement element, const LinkShape& shape) {
-  if (shape.kind == ShapeKind::kNone) return;
+  if (shape.kind == LinkShapeKind::kNone) return;
   MjcfElement geom = element.child("geom");
   geom.set("pos", shape.centre).set("contype", "0").set("conaffinity", "0").set("mass", "0");
-  if (shape.kind == ShapeKind::kBox) {
+  if (shape.kind == LinkShapeKind::kBox) {
     geom.set("type", "box").set("size", Vector3(0.5 * shape.size));
-  } else if (shape.kind == ShapeKind::kSphere) {
+  } else if (shape.kind == LinkShapeKind::kSphere) {
     geom.set("type", "sphere").set("size", shape.size.x());
   } else {
     geom.set("type", "cylinder").set("size", {shape.size.x(), 0.5 * shape.size.y()});
@@ -89,14 +89,30 @@ std::string to_mjcf(const BodyTree& body, const std::string& name, bool free_bas
 
 BodyTree from_mjcf(const std::string& text) { return body_links(EngineModel::from_text(text)); }
 
+namespace {
+
+// Which of the two formats begins first; URDF may hold an element for the engine inside.
+bool is_mjcf(const std::string& text) { return text.find("<mujoco") < text.find("<robot"); }
+
+}  // namespace
+
+BodyTree body_from_text(const std::string& text) {
+  if (is_mjcf(text)) return from_mjcf(text);
+  if (text.find("<robot") == std::string::npos) {
+    throw Error(Fault::kFormat, "text", "the text is neither URDF (<robot>) nor MJCF (<mujoco>)");
+  }
+  return from_urdf(text);
+}
+
 BodyTree read_body(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
-  if (!file) throw Error(Fault::kFile, "path", "there is no file " + path + " that can be read");
   std::ostringstream content;
-  content << file.rdbuf();
+  if (!file || !(content << file.rdbuf())) {
+    throw Error(Fault::kFile, "path", "there is no file " + path + " that can be read");
+  }
   const std::string text = content.str();
   // MJCF may include files beside it, which the engine finds by the path.
-  if (text.find("<mujoco") < text.find("<robot")) return body_links(EngineModel::from_file(path));
+  if (is_mjcf(text)) return body_links(EngineModel::from_file(path));
   if (text.find("<robot") == std::string::npos) {
     throw Error(Fault::kFormat, "path", path + " is neither URDF (<robot>) nor MJCF (<mujoco>)");
   }

@@ -16,11 +16,11 @@ namespace ulna {
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
-enum class ShapeKind { kNone, kBox, kCylinder, kSphere };
+enum class LinkShapeKind { kNone, kBox, kCylinder, kSphere };
 
 // What a link looks like; with uniform density it also gives the inertia.
 struct LinkShape {
-  ShapeKind kind = ShapeKind::kNone;
+  LinkShapeKind kind = LinkShapeKind::kNone;
   Vector3 size = Vector3::Zero();  // box: edges x y z; cylinder: radius, length; sphere: radius; m
   Vector3 centre = Vector3::Zero();  // link axes, m
   Vector3 axis = Vector3::UnitZ();   // of a cylinder, link axes, length 1

@@ -133,7 +133,7 @@ struct Segment {
 Segment box(const Vector3& centre, const Vector3& edges) {
   const Vector3 squares = edges.cwiseAbs2();
   Segment made;
-  made.shape = {ShapeKind::kBox, edges, centre, Vector3::UnitZ()};
+  made.shape = {LinkShapeKind::kBox, edges, centre, Vector3::UnitZ()};
   made.inertia_over_mass = Vector3((squares.sum() - squares.array()) / 12.0).asDiagonal();
   return made;
 }
@@ -144,7 +144,8 @@ Segment cylinder(const Vector3& from, const Vector3& to, double mass, double den
   const double r2 = mass / (density * kPi * length);
   const Vector3 axis = way / length;
   Segment made;
-  made.shape = {ShapeKind::kCylinder, Vector3(std::sqrt(r2), length, 0.0), 0.5 * (from + to), axis};
+  made.shape = {LinkShapeKind::kCylinder, Vector3(std::sqrt(r2), length, 0.0), 0.5 * (from + to),
+                axis};
   const double across = r2 / 4.0 + length * length / 12.0;
   made.inertia_over_mass =
       across * Matrix3::Identity() + (r2 / 2.0 - across) * axis * axis.transpose();
@@ -179,7 +180,7 @@ Segment segment_of(const std::string& link, const std::map<std::string, Vector3>
     const Vector3 up = from("jC1Head", "HeadTop");
     const double radius = 0.5 * up.norm();
     Segment made;
-    made.shape = {ShapeKind::kSphere, Vector3(radius, 0, 0), 0.5 * up, Vector3::UnitZ()};
+    made.shape = {LinkShapeKind::kSphere, Vector3(radius, 0, 0), 0.5 * up, Vector3::UnitZ()};
     made.inertia_over_mass = 0.4 * radius * radius * Matrix3::Identity();
     return made;
   }

@@ -48,16 +48,16 @@ void urdf_origin(XMLElement* parent, const Vector3& position, const Matrix3& ori
 }
 
 void urdf_shape(XMLElement* link, const LinkShape& shape) {
-  if (shape.kind == ShapeKind::kNone) return;
+  if (shape.kind == LinkShapeKind::kNone) return;
   XMLElement* visual = link->InsertNewChildElement("visual");
   const Matrix3 axes =
       Eigen::Quaterniond::FromTwoVectors(Vector3::UnitZ(), shape.axis).toRotationMatrix();
   urdf_origin(visual, shape.centre, axes);
   XMLElement* geometry = visual->InsertNewChildElement("geometry");
   const Vector3& s = shape.size;
-  if (shape.kind == ShapeKind::kBox) {
+  if (shape.kind == LinkShapeKind::kBox) {
     urdf_set(geometry->InsertNewChildElement("box"), "size", {s.x(), s.y(), s.z()});
-  } else if (shape.kind == ShapeKind::kSphere) {
+  } else if (shape.kind == LinkShapeKind::kSphere) {
     urdf_set(geometry->InsertNewChildElement("sphere"), "radius", {s.x()});
   } else {
     XMLElement* cylinder = geometry->InsertNewChildElement("cylinder");
@@ -196,13 +196,13 @@ LinkShape read_shape(const XMLElement* element, const std::string& what) {
   read_origin(visual, what, shape.centre, axes);
   shape.axis = axes.col(2);
   if (const XMLElement* box = geometry->FirstChildElement("box")) {
-    shape.kind = ShapeKind::kBox;
+    shape.kind = LinkShapeKind::kBox;
     shape.size = urdf_values<3>(box, "size", what);
   } else if (const XMLElement* sphere = geometry->FirstChildElement("sphere")) {
-    shape.kind = ShapeKind::kSphere;
+    shape.kind = LinkShapeKind::kSphere;
     shape.size.x() = urdf_value(sphere, "radius", what);
   } else if (const XMLElement* cylinder = geometry->FirstChildElement("cylinder")) {
-    shape.kind = ShapeKind::kCylinder;
+    shape.kind = LinkShapeKind::kCylinder;
     shape.size.x() = urdf_value(cylinder, "radius", what);
     shape.size.y() = urdf_value(cylinder, "length", what);
   }

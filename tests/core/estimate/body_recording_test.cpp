@@ -80,6 +80,14 @@ TEST(BodyRecording, HasTheSameBitsOnAnyNumberOfThreads) {
     EXPECT_EQ(one.external.row(i).segment<6>(60).transpose(), f.external.col(10));
     EXPECT_EQ(one.innovation.row(i), f.innovation.transpose());
   }
+  // Dynamics that are exact, by the other solver.
+  keep.threads = 2;
+  const BodyTorques sparse =
+      estimate_uncertain(made.suite, made.recording, {0.0, 0.0, 0.0, 0.0}, keep);
+  EXPECT_LT(largest(sparse.torque - one.torque), 1e-6 * largest(one.torque));
+  EXPECT_LT(largest(sparse.joint_wrench.rightCols(288) - one.joint_wrench.rightCols(288)),
+            1e-6 * largest(one.joint_wrench));
+  EXPECT_THROW(estimate_uncertain(made.suite, made.recording, {.force = -1.0}), Error);
   const Matrix error = (one.torque - made.torque).cwiseQuotient(one.torque_deviation);
   const double inside = static_cast<double>((error.array().abs() < 1.959964).count()) /
                         static_cast<double>(error.size());
