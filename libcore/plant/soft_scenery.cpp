@@ -147,7 +147,9 @@ Scenery scenery_of(const SoftPlant& plant, ExoLookOptions options) {
   for (const auto& interface : plant.interfaces()) {
     options.cuffs->push_back(interface->options().cuff);
   }
-  return scenery_of(plant.description().scene, options);
+  ExoScene scene = plant.description().scene;
+  scene.coupling = Coupling::kApart;  // the arm moves on its own joints, whatever the scene says
+  return scenery_of(scene, options);
 }
 
 }  // namespace ulna
