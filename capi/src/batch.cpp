@@ -13,7 +13,7 @@
 #include "guard.hpp"
 #include "handles.hpp"
 #include "plant/engine_mobilised.hpp"
-#include "plant/soft/bushing_table.hpp"
+#include "plant/soft/reduced_plant.hpp"
 #include "plant/soft/soft_mobilised.hpp"
 #include "scene.hpp"
 #include "sim/mobilisation_batch.hpp"
@@ -100,7 +100,6 @@ struct ulna_batch {
   ArmNumbers arm;
   std::optional<ulna_soft_options> soft;
   std::optional<ReductionOptions> reduction;
-  std::optional<BushingTable> table;
   std::optional<ExoScene> nominal;
   sim::Protocol protocol;
   ViscoelasticOptions estimator;
@@ -155,12 +154,6 @@ ulna_soft_options soft_of_row(const ulna_batch& batch, const Vector& row) {
   return o;
 }
 
-std::vector<double> tissue_of(const SoftScene& scene) {
-  std::vector<double> stiffness;
-  for (const SoftInterfaceOptions& i : scene.interfaces) stiffness.push_back(i.tissue.stiffness);
-  return stiffness;
-}
-
 std::shared_ptr<const MobilisedPlant> plant_of_row(const ulna_batch& batch, const Vector& row,
                                                    Token* token) {
   for (std::size_t k = 0; k < batch.varied.size(); ++k) {
@@ -172,9 +165,8 @@ std::shared_ptr<const MobilisedPlant> plant_of_row(const ulna_batch& batch, cons
   const SoftScene soft = read_soft(scene, soft_of_row(batch, row));
   auto plant = std::make_shared<const SoftPlant>(soft);
   if (batch.reduction) {
-    std::vector<Bushing> bushings = batch.table ? batch.table->at(tissue_of(soft))
-                                                : reduce(*plant, *batch.reduction, token).bushings;
-    plant = std::make_shared<const SoftPlant>(plant->reduced(std::move(bushings)));
+    plant = std::make_shared<const SoftPlant>(
+        plant->reduced(reduce(*plant, *batch.reduction, token).bushings));
   }
   return mobilised(std::move(plant), nominal);
 }
@@ -217,32 +209,21 @@ void read_varied(const ulna_batch_options& o, ulna_batch& batch) {
   }
 }
 
-void read_reduced(const ulna_batch_options& o, ulna_batch& batch, Token* token) {
-  require(o.table_levels >= 0, "table_levels", "table_levels must not be negative");
-  if (o.reduction == nullptr) {
-    require(o.table_levels == 0, "table_levels", "a table needs a reduction");
-    return;
-  }
-  require(batch.soft.has_value(), "reduction", "only soft interfaces can be reduced");
-  batch.reduction = read_reduction(o.reduction);
-  if (o.table_levels == 0) return;
-  batch.table.emplace(read_soft(batch.scene, *batch.soft), o.table_low_n_m, o.table_high_n_m,
-                      static_cast<Index>(o.table_levels), *batch.reduction, o.threads, token);
-}
-
-std::unique_ptr<ulna_batch> batch_of(const ulna_batch_options* options, Token* token) {
+std::unique_ptr<ulna_batch> batch_of(const ulna_batch_options* options) {
   const ulna_batch_options o = read_options(options, "options");
   auto batch = std::make_unique<ulna_batch>();
   batch->scene = scene_of(o.scene);
   batch->arm = numbers_of(o.scene);
   if (o.soft != nullptr) batch->soft = read_options(o.soft, "soft");
+  require(o.reduction == nullptr || batch->soft, "reduction",
+          "only soft interfaces can be reduced");
+  if (o.reduction != nullptr) batch->reduction = read_reduction(o.reduction);
   if (o.nominal != nullptr) batch->nominal = read_description(*o.nominal);
   batch->protocol = read_protocol(o.protocol);
   batch->estimator = read_estimator(o.estimator);
   read_varied(o, *batch);
   // What cannot be in any row is refused here.
   if (!batch->soft) batch->protocol.check(*mobilised(ExoPlant(batch->scene)));
-  read_reduced(o, *batch, token);
   return batch;
 }
 
@@ -271,11 +252,10 @@ RowMajor table_of(const std::vector<sim::BatchRow>& results) {
 
 }  // namespace
 
-ulna_status ulna_batch_new(const ulna_batch_options* options, ulna_token* token,
-                           ulna_batch** out_batch) {
+ulna_status ulna_batch_new(const ulna_batch_options* options, ulna_batch** out_batch) {
   return guarded([&] {
     deref(out_batch, "out_batch");
-    *out_batch = batch_of(options, token_of(token)).release();
+    *out_batch = batch_of(options).release();
   });
 }
 

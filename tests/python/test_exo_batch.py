@@ -123,26 +123,29 @@ def test_rows_that_cannot_be_fail_alone():
     assert short.status == ("diverged",)
 
 
-def test_reduced_interfaces_and_a_table_of_them():
+def test_reduced_interfaces():
+    """A row is the assessment of its arm's reduced plant."""
     protocol = exo.Protocol(
         shape="minimum_jerk", duration_s=0.5, settle_s=0.1, start_angle_rad=0.3,
         start_rate_rad_s=10.0, start_rad=np.radians([-5, -85, 0, 80]),
         moved={"J4": np.radians(60)},
     )  # fmt: skip
-    both = {"soft": True, "protocol": protocol, "outputs": ["K_est", "slip_rad"]}
-    names = ["upper_stiffness_n_m", "fore_stiffness_n_m"]
-    own = exo.AssessmentModel(names, reduced=True, **both).run(
-        {"upper_stiffness_n_m": [400.0], "fore_stiffness_n_m": [400.0]}
+    rows = {"fore_stiffness_n_m": [400.0, 800.0], "fore_mass_kg": [0.962, 1.1]}
+    done = exo.assess_batch(
+        rows, soft=True, reduced=True, protocol=protocol, outputs=["K_est", "K_true", "slip_rad"]
     )
-    table = exo.AssessmentModel(names, table=(400.0, 800.0, 2), **both).run(
-        {"upper_stiffness_n_m": [400.0, 600.0, 400.0], "fore_stiffness_n_m": [400.0, 600.0, 900.0]}
+    assert done.status == ("ok", "ok")
+    plant = exo.exoskeleton(soft=exo.Soft(stiffness_n_m=(537.5, 800.0)), fore_mass_kg=1.1).reduced()
+    alone = exo.mobilise(plant, protocol, nominal=exo.exoskeleton())
+    assert done["K_est"][1] == alone.joints[0].k
+    assert done["K_true"][1] == alone.joints[0].true_k
+    assert done["slip_rad"][1] == alone.largest_slip_rad
+    full = exo.assess_batch(rows, soft=True, protocol=protocol, outputs=["slip_rad"])
+    assert full["slip_rad"][1] != done["slip_rad"][1]
+    other = exo.assess_batch(
+        rows, soft=True, reduced={"activation": 0.1}, protocol=protocol, outputs=["slip_rad"]
     )
-    assert own.status == ("ok",)
-    assert table.status == ("ok", "ok", "failed_init")
-    assert "beyond the table" in table.messages[2]
-    # At a level of the table, with the arm of the table, both have the same bushings, to rounding.
-    np.testing.assert_allclose(table["K_est"][0], own["K_est"][0], rtol=1e-6)
-    assert table["K_est"][1] != table["K_est"][0]
+    assert other["slip_rad"][1] != done["slip_rad"][1]
 
 
 @pytest.mark.parametrize(
@@ -155,8 +158,7 @@ def test_reduced_interfaces_and_a_table_of_them():
         (["fore_factor", "fore_factor"], {}, "varied twice"),
         (["fore_stiffness_n_m"], {}, "needs soft interfaces"),
         (["fore_factor"], {"reduced": True}, "only soft interfaces"),
-        (["fore_factor"], {"soft": True, "table": (0.0, 500.0, 3)}, "from above 0"),
-        (["fore_factor"], {"soft": True, "table": (100.0, 500.0, 1)}, "between 2 and 100"),
+        (["fore_factor"], {"soft": {"hard": 1.0}}, "soft has 'hard'"),
         (["fore_factor"], {"nominal": "mine"}, "a plant or 'own'"),
         (["fore_factor"], {"protocol": exo.Protocol(moved={"J9": 0.0})}, "J9"),
         (["fore_factor"], {"scene": {"muscles": "strong"}}, "muscles is 'strong'"),

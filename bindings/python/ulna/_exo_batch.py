@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._call import Handle, ffi, lib, long_call, options, text, view
+from ._call import Handle, check, ffi, lib, long_call, options, text, view
 from ._exo_assessment import Protocol
 from .record import refuse
 
@@ -154,13 +154,8 @@ class AssessmentModel:
     device : path or mapping, optional
     soft : Soft, mapping or True
         Soft interfaces hold the arm; otherwise it stands in the device rigidly.
-    reduced : bool
-        As bushings, each row reduced by itself: slower than the full run that it replaces, but for
-        long protocols.
-    table : (float, float, int), optional
-        Smallest and largest stiffness of the tissue and a number of levels: these are reduced once,
-        and what rows need is interpolated. Bushings of arms of other sizes and masses are taken to
-        be the same. Implies `reduced`.
+    reduced : bool or dict
+        As bushings, each row reduced by itself; options of :meth:`Plant.reduced`.
     nominal : Plant, "own"
         Nominal model of the estimator. Default: the scene as it is without factors, held rigidly:
         the estimator does not know the patient. "own": each row's own arm.
@@ -197,8 +192,7 @@ class AssessmentModel:
         scene: Mapping[str, Any] | None = None,
         device: Any = None,
         soft: Any = False,
-        reduced: bool = False,
-        table: tuple[float, float, int] | None = None,
+        reduced: bool | Mapping[str, Any] = False,
         nominal: Plant | str | None = None,
         protocol: Protocol | None = None,
         identify: Mapping[str, Any] | None = None,
@@ -206,7 +200,7 @@ class AssessmentModel:
     ) -> None:
         from ._exo_assessment import estimator_options
         from ._exo_soft import Soft
-        from .exo import _scene_options, exoskeleton
+        from .exo import _reduction_options, _scene_options, exoskeleton
 
         if isinstance(factors, str):
             raise refuse("factors must be a sequence of names, not one text", "factors")
@@ -230,7 +224,7 @@ class AssessmentModel:
         self.threads = threads
         self._made_of = {
             "outputs": self.outputs, "scene": scene, "device": device, "soft": soft,
-            "reduced": reduced, "table": table, "nominal": nominal, "protocol": protocol,
+            "reduced": reduced, "nominal": nominal, "protocol": protocol,
             "identify": identify, "threads": threads,
         }  # fmt: skip
         kept = dict(scene or {})
@@ -243,9 +237,8 @@ class AssessmentModel:
             raise refuse(f"nominal is {nominal!r}; it must be a plant or 'own'", "nominal")
         soft_struct = Soft.of(soft)._struct() if soft is not False else None
         reduction = None
-        if reduced or table is not None:
-            reduction = options("ulna_reduction_options")
-        low, high, levels = (None, None, None) if table is None else table
+        if reduced is not False:
+            reduction = _reduction_options(**(reduced if isinstance(reduced, Mapping) else {}))
         chosen = Protocol() if protocol is None else protocol
         # Made once; what it points to must live until then.
         parts = (struct, soft_struct, reduction, chosen._struct(), estimator_options(**dict(identify or {})))
@@ -259,17 +252,13 @@ class AssessmentModel:
             estimator=parts[4],
             varied=np.array([_code(name) for name in self.factors], dtype=np.int32),
             varied_count=len(self.factors),
-            table_levels=levels,
-            table_low_n_m=low,
-            table_high_n_m=high,
-            threads=threads,
         )
         out = ffi.new("ulna_batch **")
-        long_call(lib.ulna_batch_new, given, ffi.NULL, out)
+        check(lib.ulna_batch_new(given, out))
         self._handle = _Batch(out[0])
         # What makes a plan: a journal of other settings is refused by it.
         self._settings = repr(
-            (self.factors, self.outputs, kept, device, soft, reduced, table, nominal is None, chosen,
+            (self.factors, self.outputs, kept, device, soft, reduced, nominal is None, chosen,
              dict(identify or {}))
         )  # fmt: skip
 

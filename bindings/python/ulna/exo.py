@@ -164,6 +164,23 @@ def _fill(function: Any, *args: Any, shape: tuple[int, ...]) -> Array:
     return values
 
 
+def _reduction_options(
+    *,
+    start_rad: float = np.radians(110),
+    end_rad: float = np.radians(3),
+    activation: float = 0.4,
+    poses: int = 25,
+) -> Any:
+    """How soft interfaces become bushings, as the library takes it; see :meth:`Plant.reduced`."""
+    return options(
+        "ulna_reduction_options",
+        start_rad=start_rad,
+        end_rad=end_rad,
+        activation=-1.0 if activation == 0 else activation,
+        poses=poses,
+    )
+
+
 class Plant:
     """A compiled scene: immutable, shared by runs and threads.
 
@@ -307,17 +324,16 @@ class Plant:
     def reduced(
         self,
         *,
-        elbow_rad: float = np.pi / 3,
+        start_rad: float = np.radians(110),
+        end_rad: float = np.radians(3),
         activation: float = 0.4,
-        settling_s: float = 2.0,
-        shift_m: float = 0.003,
-        turn_rad: float = np.pi / 90,
+        poses: int = 25,
     ) -> Plant:
         """The plant with bushings in place of its soft interfaces, some twenty times as fast.
 
-        The limbs are held as the whole plant holds them with the device's last joint at `elbow_rad`
-        and the elbow's muscles at `activation`, after `settling_s`; then each is moved by `shift_m`
-        along and by `turn_rad` about each axis, and what cuff and strap answer is kept.
+        The arm at rest, its elbow's muscles at `activation`, is followed through a movement of the
+        device's last joint from `start_rad` to `end_rad` in so many `poses`; what cuff and strap do
+        to it over how far it gives becomes their stiffness. It takes some 50 ms.
 
         Examples
         --------
@@ -325,13 +341,11 @@ class Plant:
         >>> [f"{b.limb} {b.part}" for b in plant.bushings]
         ['upper cuff', 'upper strap', 'fore cuff', 'fore strap']
         """
-        reduction = options(
-            "ulna_reduction_options",
-            elbow_rad=elbow_rad,
-            activation=-1.0 if activation == 0 else activation,
-            settling_s=settling_s,
-            shift_m=shift_m,
-            turn_rad=turn_rad,
+        reduction = _reduction_options(
+            start_rad=start_rad,
+            end_rad=end_rad,
+            activation=activation,
+            poses=poses,
         )
         out = ffi.new("ulna_plant **")
         long_call(lib.ulna_plant_reduce, self._pointer, reduction, ffi.NULL, out)

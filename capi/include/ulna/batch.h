@@ -69,26 +69,18 @@ typedef struct ulna_batch_options {
   int64_t struct_size;                        /* sizeof(ulna_batch_options) */
   const ulna_scene_options *scene;            /* of a row, but for what is varied; NULL: default */
   const ulna_soft_options *soft;              /* NULL: the arm is held rigidly */
-  const ulna_reduction_options *reduction;    /* to bushings; NULL: soft interfaces in full */
+  const ulna_reduction_options *reduction;    /* to bushings, row by row; NULL: in full */
   const ulna_plant *nominal;                  /* nominal model of all rows; NULL: each row's own */
   const ulna_protocol *protocol;              /* NULL: default */
   const ulna_viscoelastic_options *estimator; /* NULL: default */
   const int32_t *varied;                      /* ULNA_VARIED_..., one a column of the rows */
   int64_t varied_count;                       /* entries of varied */
-  int64_t table_levels;  /* of tissue stiffness, reduced once for all rows; 0: each row by itself */
-  double table_low_n_m;  /* smallest stiffness of the table */
-  double table_high_n_m; /* largest */
-  int32_t threads;       /* for making the table; 0: one a processor */
-  int32_t reserved;      /* zero */
 } ulna_batch_options;
 
-/** Makes a batch; the table of bushings too, where one is asked for (table_levels of 2 to 100 full
- * plants): rows then differ from rows that are reduced by themselves in that bushings of arms of
- * other sizes and masses are taken to be the same, and in what is interpolated.
+/** Makes a batch. What cannot be in any row is refused here.
  * @thread shared options
  * @since 0.1 */
-ULNA_API ulna_status ulna_batch_new(const ulna_batch_options *options, ulna_token *token,
-                                    ulna_batch **out_batch);
+ULNA_API ulna_status ulna_batch_new(const ulna_batch_options *options, ulna_batch **out_batch);
 
 /** Frees a batch; NULL is allowed.
  * @thread exclusive batch
