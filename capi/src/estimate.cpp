@@ -243,11 +243,18 @@ ulna_status ulna_sensors_identify(const ulna_sensors* sensors, const ulna_body_m
     Vector y;
     if (measured != nullptr) y = entries_of(measured, "measured");
     const Identifiability f = identifiability(suite, frames.state(0), y);
+    // Both outputs or none: the text's room is known before the result is written.
+    int64_t size = 0;
+    write_text(f.words, nullptr, 0, &size);
+    deref(out_size, "out_size");
+    const bool asks = out_text == nullptr && capacity == 0;
+    if (asks || (out_text != nullptr && capacity >= size)) {
+      write_result(out_result,
+                   ulna_identifiability{0, f.wrench_unknowns, f.wrench_rank, f.force_unknowns,
+                                        f.force_rank, f.motion_unknowns, f.motion_rank},
+                   "out_result");
+    }
     write_text(f.words, out_text, capacity, out_size);
-    write_result(out_result,
-                 ulna_identifiability{0, f.wrench_unknowns, f.wrench_rank, f.force_unknowns,
-                                      f.force_rank, f.motion_unknowns, f.motion_rank},
-                 "out_result");
   });
 }
 

@@ -1,5 +1,6 @@
 """Torques of a body with their deviations: exact data, noise, missing data, streams, bad sensors."""
 
+import json
 import pickle
 from pathlib import Path
 
@@ -7,14 +8,16 @@ import numpy as np
 import pytest
 
 import ulna
-from ulna.body import Motion, human_body, human_names, read_body
+from ulna.body import Link, Motion, body_from_links, human_body, human_names, read_body
 from ulna.torques import (
     BodySensor,
     Prior,
     SensorSuite,
     TorqueStream,
     estimate_torques,
+    model_sensors,
     start_check,
+    suit_sensors,
 )
 
 SHARED = Path(__file__).resolve().parents[3] / "shared" / "data" / "wholebody"
@@ -242,6 +245,22 @@ def test_what_cannot_be_is_refused(made):
         estimate_torques(suite, Motion(np.zeros((2, 48))), y)
 
 
+def test_sensors_of_a_suit_and_of_a_model(made, tmp_path):
+    body = made[0]
+    suite = SensorSuite(body, suit_sensors(body))
+    assert len(suite.rows) == 17 * 3 + 48 + 12
+    with pytest.raises(ulna.ArgumentError, match="no link"):
+        suit_sensors(body_from_links([Link("trunk", mass_kg=1.0, inertia_kg_m2=np.eye(3))]))
+    path = tmp_path / "model.json"
+    links = [{"name": "foot", "mass": 1.0, "com": [0, 0, 0], "inertia_diag": [1, 1, 1]}]
+    path.write_text(json.dumps({"links": links, "plate": {"link": "foot"}}))
+    names = [sensor.name for sensor in model_sensors(path)]
+    assert names == ["still", "upright", "plate"]
+    path.write_text(json.dumps({"links": links, "imu": {"link": "foot"}}))
+    with pytest.raises(ulna.FormatError, match="position"):
+        model_sensors(path)
+
+
 def test_the_start_check_names_what_does_not_fit(made):
     body, suite, motion, y, _ = made
     y = noisy(suite, y)
@@ -274,17 +293,9 @@ def test_the_bowing_recording():
         pytest.skip("the recording is not there")
     body = read_body(SHARED / "bowing-model.json")
     rows = np.genfromtxt(SHARED / "bowing.csv", delimiter=",", skip_header=1)
-    suite = SensorSuite(
-        body,
-        [
-            BodySensor("still", "accelerometer", "foot", 1e-3),
-            BodySensor("upright", "angular_acceleration", "foot", 1e-3),
-            BodySensor("ankle", "joint_acceleration", "ankle", 0.1),
-            BodySensor("hip", "joint_acceleration", "hip", 0.1),
-            BodySensor("plate", "external_wrench", "foot", (1.0, 0.3)),
-        ],
-    )
+    suite = SensorSuite(body, model_sensors(SHARED / "bowing-model.json"))
     motion = Motion(rows[:, 1:3], rows[:, 3:5])
+    # Without the sensor on the torso, which leans out of the plane that the model moves in.
     y = suite.stack(
         {
             "still": np.tile([0, 0, 9.81], (len(rows), 1)),
@@ -299,7 +310,7 @@ def test_the_bowing_recording():
     assert np.sqrt((found.residual**2).mean(axis=0)) == pytest.approx(table, abs=0.05)
     # Small variances that were typed in do not explain the residual; those of the data do.
     assert found.balance_nis.mean() > 30.0
-    groups = np.array([-1] * 6 + list(range(8)))
+    groups = np.array([-1] * 9 + list(range(8)))
     fit = suite.fit(motion, y, groups=groups)
     again = estimate_torques(fit.suite, motion, y)
     assert again.balance_nis.mean() == pytest.approx(6.0, abs=2.0)

@@ -8,6 +8,8 @@ those of :mod:`ulna.body`.
 
 from __future__ import annotations
 
+import json
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -17,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._call import (
     ArgumentError,
+    FormatError,
     Handle,
     check,
     ffi,
@@ -29,7 +32,7 @@ from ._call import (
     view,
 )
 from ._start_check import StartCheck, start_check
-from .body import Body, Motion
+from .body import Body, Motion, human_names, read_body
 
 __all__ = [
     "BodySensor",
@@ -41,7 +44,9 @@ __all__ = [
     "StartCheck",
     "TorqueStream",
     "estimate_torques",
+    "model_sensors",
     "start_check",
+    "suit_sensors",
 ]
 
 Array = NDArray[np.float64]
@@ -123,6 +128,105 @@ class BodySensor:
     position_m: ArrayLike = (0.0, 0.0, 0.0)
     orientation: ArrayLike = field(default_factory=lambda: np.eye(3))
     frame: str = "link"
+
+
+def suit_sensors(
+    body: Body,
+    *,
+    imu_m_s2: float = 0.1,
+    joint_rad_s2: float = 0.5,
+    shoe_n: float = 2.0,
+    shoe_nm: float = 0.5,
+) -> list[BodySensor]:
+    """The suit of the overhead study on a human body: 17 accelerometers at the centres of mass of
+    their links, the accelerations of all joints, and the wrenches of two shoes at the feet.
+
+    Names: ``"imu <link>"``, the joints', ``"shoe RightFoot"``, ``"shoe LeftFoot"``.
+
+    Examples
+    --------
+    >>> from ulna.body import human_body
+    >>> len(suit_sensors(human_body(height_m=1.8, mass_kg=75)))
+    67
+    """
+    centres = {link.name: link.centre_m for link in body.describe()}
+    missing = [name for name in human_names("suit") if name not in centres]
+    if missing:
+        raise _refuse(f"the body has no link {missing[0]!r}, which wears a sensor", "body")
+    sensors = [
+        BodySensor(f"imu {name}", "accelerometer", name, imu_m_s2, position_m=centres[name])
+        for name in human_names("suit")
+    ]
+    sensors += [BodySensor(name, "joint_acceleration", name, joint_rad_s2) for name in body.joints]
+    return sensors + [
+        BodySensor(f"shoe {foot}", "external_wrench", foot, (shoe_n, shoe_nm))
+        for foot in ("RightFoot", "LeftFoot")
+    ]
+
+
+def model_sensors(
+    path: str | os.PathLike[str],
+    *,
+    imu_m_s2: float = 0.1,
+    joint_rad_s2: float = 0.1,
+    plate_n: float = 1.0,
+    plate_nm: float = 0.3,
+    still: float = 1e-3,
+) -> list[BodySensor]:
+    """Sensors that a JSON model names beside its ``links`` (see :func:`ulna.body.read_body`).
+
+    ``imu`` (link, position, fixed-axis ``rpy_rad``) becomes the accelerometer ``"imu"``; ``plate``
+    (link) the external wrench ``"plate"``, and its link, which stands, the accelerometer and the
+    angular acceleration ``"still"`` and ``"upright"`` (readings 0, 0, g and 0, 0, 0); every joint an
+    acceleration of its name. Numbers are standard deviations.
+    """
+    body = read_body(path)
+    with open(path, encoding="utf-8") as file:
+        content = json.load(file)
+    sensors = []
+    try:
+        if "plate" in content:
+            link = content["plate"]["link"]
+            sensors += [
+                BodySensor("still", "accelerometer", link, still, frame="world_axes"),
+                BodySensor("upright", "angular_acceleration", link, still, frame="world_axes"),
+            ]
+        if "imu" in content:
+            imu = content["imu"]
+            sensors.append(
+                BodySensor(
+                    "imu",
+                    "accelerometer",
+                    imu["link"],
+                    imu_m_s2,
+                    position_m=np.asarray(imu["position"], dtype=float),
+                    orientation=_roll_pitch_yaw(*map(float, imu["rpy_rad"])),
+                )
+            )
+        sensors += [
+            BodySensor(name, "joint_acceleration", name, joint_rad_s2) for name in body.joints
+        ]
+        if "plate" in content:
+            sensors.append(
+                BodySensor(
+                    "plate", "external_wrench", content["plate"]["link"], (plate_n, plate_nm)
+                )
+            )
+    except (KeyError, TypeError, ValueError) as failure:
+        raise FormatError(
+            f"imu or plate of {os.fspath(path)} cannot be read: {type(failure).__name__} {failure}",
+            status="ULNA_ERROR_FORMAT",
+            argument="path",
+        ) from failure
+    return sensors
+
+
+def _roll_pitch_yaw(roll: float, pitch: float, yaw: float) -> Array:
+    (cr, cp, cy), (sr, sp, sy) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
+    x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    return z @ y @ x
 
 
 @dataclass(frozen=True)
