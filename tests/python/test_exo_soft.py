@@ -47,7 +47,8 @@ def test_an_assessment_logs_what_the_interfaces_do(assessed):
         assert record[f"pressure_{limb}"].max() > 1e3
         assert record[f"tension_{limb}"].min() >= 0
         assert np.isfinite(record[f"displacement_{limb}_y"]).all()
-    assert 0 < assessed.largest_slip_rad < np.radians(20)
+    # Of cuffs that are fitted, on the published arm; 3 to 4 degrees over the range of tissue.
+    assert 0 < assessed.largest_slip_rad < np.radians(5)
     joint = assessed.joints[0]
     assert joint.model_residual_rms > 0.01  # the interface is in no nominal model
 
