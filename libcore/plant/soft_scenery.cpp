@@ -119,7 +119,9 @@ std::vector<Shape> interface_shapes(const SoftPlant& plant, const EngineRun& run
     const bool full = coupled && !plant.is_reduced();
     const InterfaceRun* state = full ? &interface_run(run, which) : nullptr;
     if (look.tissue) {
-      add_tissue(interface.tissue().mesh(), frame, state, look.full_pressure, shapes);
+      // Forces of a record come without the pressures that made them.
+      const InterfaceRun* pressed = forces.size() > 0 ? nullptr : state;
+      add_tissue(interface.tissue().mesh(), frame, pressed, look.full_pressure, shapes);
     }
     if (look.straps && state != nullptr) {
       add_strap(interface.strap(), state->strap_points(), frame, shapes);

@@ -16,8 +16,9 @@ struct InterfaceLook {
 };
 
 // Shapes in the world for a run of plant.model(). forces: interfaces x 6, force of the cuff and of
-// the strap on the limb in the cuff's frame (N), as a record holds them; empty: those of the run's
-// own interfaces, where it has any. Throws Error (kArgument) for forces of another shape.
+// the strap on the limb in the cuff's frame (N), as a record holds them, without pressures; empty:
+// those of the run's own interfaces, where it has any. Throws Error (kArgument) for forces of
+// another shape.
 std::vector<Shape> interface_shapes(const SoftPlant& plant, const EngineRun& run,
                                     const InterfaceLook& look = {},
                                     const Matrix& forces = Matrix());

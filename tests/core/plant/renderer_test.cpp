@@ -336,6 +336,11 @@ TEST(Renderer, SoftInterfacesShowTheirForces) {
   bare.tissue = bare.straps = false;
   EXPECT_EQ(interface_shapes(plant, run, bare).size(), 4U);
   EXPECT_EQ(interface_shapes(plant, run, bare, Matrix::Zero(2, 6)).size(), 0U);
+  InterfaceLook tissue = bare;
+  tissue.tissue = true;
+  tissue.forces = false;
+  EXPECT_GT(interface_shapes(plant, run, tissue).size(), 10U);
+  EXPECT_EQ(interface_shapes(plant, run, tissue, Matrix::Zero(2, 6)).size(), 2U);
   const std::vector<Shape> given = interface_shapes(plant, run, bare, Matrix::Constant(2, 6, 10.0));
   ASSERT_EQ(given.size(), 4U);
   EXPECT_NEAR(given[0].size.z(), bare.force_scale * 10.0 * std::sqrt(3.0), 1e-9);
