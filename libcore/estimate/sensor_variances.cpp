@@ -56,11 +56,9 @@ std::vector<Index> variance_groups(const SensorSuite& suite) {
   std::vector<Index> groups;
   Index next = 0;
   for (const BodySensor& sensor : suite.sensors()) {
-    const Index rows = sensor_rows(sensor.kind);
-    const bool motion = sensor.kind == BodySensorKind::kAccelerometer ||
-                        sensor.kind == BodySensorKind::kAngularAcceleration;
-    for (Index k = 0; k < rows; ++k) groups.push_back(motion ? next : next++);
-    if (motion) ++next;
+    // Rows of one unit: three of an accelerometer or of a force, three of a moment.
+    for (Index k = 0; k < sensor_rows(sensor.kind); ++k) groups.push_back(next + k / 3);
+    next += (sensor_rows(sensor.kind) + 2) / 3;
   }
   return groups;
 }

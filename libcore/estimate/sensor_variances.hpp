@@ -14,8 +14,9 @@
 namespace ulna {
 
 struct VarianceOptions {
-  // Group of each row of y; rows of one group share a variance, -1 leaves a row as it is. Empty:
-  // a group for each sensor of motion and for each row of wrenches and torques.
+  // Group of each row of y; rows of one group share a variance, -1 leaves a row as it is. Empty: a
+  // group for each sensor, forces and moments of a wrench apart. Rows of one group cannot take the
+  // blame for one another, which keeps the likelihood from making one of them exact.
   std::vector<Index> groups = {};
   Index steps = 60;
   // Stops when no deviation changes by more than this part, or by more than a twentieth of its own

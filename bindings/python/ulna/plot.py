@@ -36,6 +36,7 @@ from ._plot_study import (
     screening,
     sobol_indices,
 )
+from ._plot_torques import body_torques
 from ._response import dynamic_stiffness, is_break, measured_response, raw_signals
 from .record import refuse
 
@@ -43,6 +44,7 @@ __all__ = [
     "Picture",
     "absorbed_energy",
     "allowed",
+    "body_torques",
     "assessment",
     "assessment_scheme",
     "compression",

@@ -453,7 +453,7 @@ class SensorSuite:
         measured : (frames, rows) array
         groups : (rows,) array of int, optional
             Rows of one group share a variance, -1 leaves a row as it is. Default: a group for each
-            accelerometer and for each row of other sensors.
+            sensor, forces and moments apart.
         steps, frames : int, optional
             At most so many; default 60 and 2000.
         threads : int
@@ -600,6 +600,18 @@ class BodyTorques:
             listed = ", ".join(f"{name} ({size:.1f})" for name, size in list(suspects.items())[:6])
             lines.append(f"larger than expected: {listed}")
         return "\n".join(lines)
+
+    def plot(
+        self,
+        axes: Any = None,
+        *,
+        joints: Sequence[str] | None = None,
+        time_s: ArrayLike | None = None,
+    ) -> Any:
+        """Torques with their intervals and the balance: :func:`ulna.plot.body_torques`."""
+        from .plot import body_torques
+
+        return body_torques(self, axes, joints=joints, time_s=time_s)
 
     def __repr__(self) -> str:
         return (

@@ -136,7 +136,7 @@ typedef struct ulna_torques_summary {
  * @since 0.1 */
 typedef struct ulna_variance_options {
   int64_t struct_size;     /* sizeof(ulna_variance_options) */
-  const ulna_view *groups; /* of each row, -1: left as it is; NULL: accelerometers by sensor */
+  const ulna_view *groups; /* of each row, -1: kept; NULL: by sensor, forces and moments apart */
   int64_t steps;           /* at most; 0: 60 */
   int64_t frames;          /* at most, evenly over the recording; 0: 2000 */
   double tolerance;        /* relative change at which it stops; 0: 0.001 */
