@@ -178,6 +178,23 @@ def test_a_shoe_that_lies_is_named(made):
     assert "larger than expected" in found.summary()
 
 
+@pytest.mark.parametrize("fault", ["dead", "swapped"])
+def test_a_bad_accelerometer_is_named(made, fault):
+    _, suite, motion, y, _ = made
+    y = noisy(suite, y)
+    arm, hand = (slice(suite.row(f"imu {n}"), suite.row(f"imu {n}") + 3)
+                 for n in ("RightForeArm", "RightHand"))  # fmt: skip
+    bad = y.copy()
+    if fault == "dead":
+        bad[:, arm] = 0.0
+    else:  # mounted on each other's link, and turned
+        bad[:, arm], bad[:, hand] = y[:, hand][:, [1, 0, 2]], y[:, arm][:, [1, 0, 2]]
+    found = estimate_torques(suite, motion, bad)
+    worst = list(found.suspects())[:3]
+    assert any(name.startswith(("imu RightForeArm", "imu RightHand")) for name in worst), worst
+    assert found.motion_nis.mean() > 1.3 * found.motion_freedom.mean()
+
+
 def test_variances_are_found_from_the_data(made):
     _, suite, motion, y, _ = made
     wrong = suite.with_deviation(suite.deviation * 3.0)
