@@ -119,10 +119,10 @@ struct Ended {
 };
 
 // One simulation under its controller and its nerves.
-class Session {
+class DrivenRun {
  public:
-  Session(const MobilisedPlant& plant, const Protocol& protocol, const MovePlan& course,
-          Token* token)
+  DrivenRun(const MobilisedPlant& plant, const Protocol& protocol, const MovePlan& course,
+            Token* token)
       : plant_(plant),
         p_(protocol),
         c_(course),
@@ -234,89 +234,89 @@ class Session {
   bool moving_ = false;
 };
 
-void settle(Session& session, const Protocol& p, const MovePlan& c, const MobilisedPlant& plant) {
+void settle(DrivenRun& driven, const Protocol& p, const MovePlan& c, const MobilisedPlant& plant) {
   const auto steps = static_cast<Index>(std::lround(p.settle_s / plant.timestep()));
   const Vector rest = Vector::Zero(c.start.size());
   for (Index i = 0; i < steps; ++i) {
     if (p.donned) {
-      session.drive(c.start, rest);
+      driven.drive(c.start, rest);
     } else {
-      session.idle();
+      driven.idle();
     }
   }
 }
 
 // Throws Ended with the joint that is furthest from its place.
-void reach_start(Session& session, const Protocol& p, const MovePlan& c,
+void reach_start(DrivenRun& driven, const Protocol& p, const MovePlan& c,
                  const MobilisedPlant& plant) {
-  const double begun = session.time();
-  const Vector from = session.angle();
+  const double begun = driven.time();
+  const Vector from = driven.angle();
   const ReferenceMotion way{.shape = MotionShape::kMinimumJerk,
                             .duration_s = std::max(p.approach_s, 0.1)};
-  while (session.time() - begun < p.start_limit_s) {
-    const double t = session.time() - begun;
+  while (driven.time() - begun < p.start_limit_s) {
+    const double t = driven.time() - begun;
     const bool still = t >= p.approach_s;
     const ReferenceMotion::Point s = still ? ReferenceMotion::Point{1.0, 0.0} : way.at(t);
-    session.drive(from + s.share * (c.start - from), s.rate * (c.start - from));
-    if (!still || !session.at_update()) continue;
-    const Vector error = session.angle() - c.start;
+    driven.drive(from + s.share * (c.start - from), s.rate * (c.start - from));
+    if (!still || !driven.at_update()) continue;
+    const Vector error = driven.angle() - c.start;
     if (error.cwiseAbs().maxCoeff() < p.start_angle &&
-        session.rate().cwiseAbs().maxCoeff() < p.start_rate) {
+        driven.rate().cwiseAbs().maxCoeff() < p.start_rate) {
       return;
     }
   }
-  const Vector error = (session.angle() - c.start).cwiseAbs() / p.start_angle +
-                       session.rate().cwiseAbs() / p.start_rate;
+  const Vector error = (driven.angle() - c.start).cwiseAbs() / p.start_angle +
+                       driven.rate().cwiseAbs() / p.start_rate;
   Index worst = 0;
   error.maxCoeff(&worst);
   throw Ended{RunStatus::kFailedInit,
               "the start was not reached within " + sentence(4, p.start_limit_s) + " s: joint '" +
                   plant.device_joints()[static_cast<std::size_t>(worst)] + "' stood at " +
-                  degrees_of(session.angle()[worst]) + " degrees with " +
-                  degrees_of(session.rate()[worst]) + " degrees/s, " + degrees_of(c.start[worst]) +
+                  degrees_of(driven.angle()[worst]) + " degrees with " +
+                  degrees_of(driven.rate()[worst]) + " degrees/s, " + degrees_of(c.start[worst]) +
                   " degrees are wanted"};
 }
 
 // A controller that swings at its limits keeps the angles bounded but follows nothing.
-void check_following(Session& session, const Protocol& p, const MovePlan& c,
+void check_following(DrivenRun& driven, const Protocol& p, const MovePlan& c,
                      const MobilisedPlant& plant, const VectorRef& reference) {
   for (Index j = 0; j < reference.size(); ++j) {
-    const double error = session.angle()[j] - reference[j];
+    const double error = driven.angle()[j] - reference[j];
     if (std::fabs(error) <= p.follow_limit) continue;
     const bool moved = std::find(c.moved.begin(), c.moved.end(), j) != c.moved.end();
     throw Ended{RunStatus::kDiverged,
                 "joint '" + plant.device_joints()[static_cast<std::size_t>(j)] + "' is " +
                     degrees_of(error) + " degrees away from where it should " +
-                    (moved ? "be" : "stay") + " at " + sentence(4, session.time()) +
+                    (moved ? "be" : "stay") + " at " + sentence(4, driven.time()) +
                     " s: the motors are too weak or the controller is unstable "
                     "on this arm"};
   }
 }
 
 // As published: at an instant of the log, and in one direction.
-void check_published(const Session& session, const MovePlan& c, const MobilisedPlant& plant) {
+void check_published(const DrivenRun& driven, const MovePlan& c, const MobilisedPlant& plant) {
   for (const Index j : c.moved) {
-    if (!(session.rate()[j] > kPublishedRate)) continue;
+    if (!(driven.rate()[j] > kPublishedRate)) continue;
     throw Ended{RunStatus::kDiverged,
                 "joint '" + plant.device_joints()[static_cast<std::size_t>(j)] + "' moves with " +
-                    sentence(4, session.rate()[j], " rad/s at ", session.time(), " s, above ",
+                    sentence(4, driven.rate()[j], " rad/s at ", driven.time(), " s, above ",
                              kPublishedRate, " rad/s: the published flag")};
   }
 }
 
 // A moved joint or the human joint that it turns beyond its range.
-void check_limits(Session& session, const Protocol& p, const MovePlan& c,
+void check_limits(DrivenRun& driven, const Protocol& p, const MovePlan& c,
                   const MobilisedPlant& plant) {
   const auto check = [&](const std::string& joint, double angle, const Matrix& range, Index j) {
     if (angle >= range(j, 0) - p.limit_margin && angle <= range(j, 1) + p.limit_margin) return;
     throw Ended{RunStatus::kLimit, "joint '" + joint + "' left its range of " +
                                        degrees_of(range(j, 0)) + " to " + degrees_of(range(j, 1)) +
                                        " degrees: it stood at " + degrees_of(angle) +
-                                       " degrees at " + sentence(4, session.time()) + " s"};
+                                       " degrees at " + sentence(4, driven.time()) + " s"};
   };
-  const Vector human = session.run().human_angle();
+  const Vector human = driven.run().human_angle();
   for (const Index j : c.moved) {
-    check(plant.device_joints()[static_cast<std::size_t>(j)], session.angle()[j],
+    check(plant.device_joints()[static_cast<std::size_t>(j)], driven.angle()[j],
           plant.device_range(), j);
     const Index h = plant.counterparts()[static_cast<std::size_t>(j)];
     if (h < 0) continue;
@@ -324,10 +324,10 @@ void check_limits(Session& session, const Protocol& p, const MovePlan& c,
   }
 }
 
-void move(Session& session, const Protocol& p, const MovePlan& c, const MobilisedPlant& plant,
+void move(DrivenRun& driven, const Protocol& p, const MovePlan& c, const MobilisedPlant& plant,
           Token* token, JointLog& log) {
-  session.begin_movement();
-  const Vector from = session.angle();
+  driven.begin_movement();
+  const Vector from = driven.angle();
   Vector reference = c.start;
   Vector reference_rate = Vector::Zero(c.start.size());
   for (Index i = 0; i < (c.rows - 1) * c.log_steps + 1; ++i) {
@@ -340,17 +340,17 @@ void move(Session& session, const Protocol& p, const MovePlan& c, const Mobilise
       reference_rate[j] = s.rate * way;
     }
     const bool logged = i % c.log_steps == 0;
-    if (logged && p.published_flags) check_published(session, c, plant);
+    if (logged && p.published_flags) check_published(driven, c, plant);
     if (logged) {
-      log.before_step(session.run(), reference);
+      log.before_step(driven.run(), reference);
       const double rows = static_cast<double>(c.rows);
       ulna::step(token, static_cast<double>(i / c.log_steps) / rows);
     }
-    session.drive(reference, reference_rate);
-    if (logged) log.after_step(session.run());
+    driven.drive(reference, reference_rate);
+    if (logged) log.after_step(driven.run());
     if (p.published_flags) continue;
-    check_limits(session, p, c, plant);
-    check_following(session, p, c, plant, reference);
+    check_limits(driven, p, c, plant);
+    check_following(driven, p, c, plant, reference);
   }
 }
 
@@ -430,26 +430,26 @@ Mobilisation mobilise(const MobilisedPlant& plant, const Protocol& protocol, Tok
   Mobilisation m;
   m.largest_slip = kNaN;
   JointLog log(plant, course.moved, protocol.log_rate_hz);
-  std::optional<Session> session;
+  std::optional<DrivenRun> driven;
   const auto keep = [&m](const Ended& ended) {
     m.status = ended.status;
     m.reason = ended.reason;
   };
   try {
-    session.emplace(plant, protocol, course, token);
-    log.donned(session->run());
-    settle(*session, protocol, course, plant);
-    session->wake();
-    m.levels = session->levels();
-    reach_start(*session, protocol, course, plant);
-    m.start_s = session->time();
-    move(*session, protocol, course, plant, token, log);
+    driven.emplace(plant, protocol, course, token);
+    log.donned(driven->run());
+    settle(*driven, protocol, course, plant);
+    driven->wake();
+    m.levels = driven->levels();
+    reach_start(*driven, protocol, course, plant);
+    m.start_s = driven->time();
+    move(*driven, protocol, course, plant, token, log);
   } catch (const Ended& ended) {
     keep(ended);
   } catch (const Error& error) {
     keep(ended_by(error));
   }
-  if (session) m.simulated_s = session->time();
+  if (driven) m.simulated_s = driven->time();
   log.finish(protocol, m);
   if (m.status == RunStatus::kOk) step(token, 1.0);
   return m;

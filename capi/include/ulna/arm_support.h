@@ -19,8 +19,8 @@ extern "C" {
  * @since 0.1 */
 typedef struct ulna_arm_support {
   int64_t struct_size;    /* sizeof(ulna_arm_support) */
-  const ulna_view* left;  /* force over elevation, entries x 3: rad, N across and N along the arm */
-  const ulna_view* right; /* NULL: as the left one */
+  const ulna_view *left;  /* force over elevation, entries x 3: rad, N across and N along the arm */
+  const ulna_view *right; /* NULL: as the left one */
   double attachment;      /* share of the upper arm from the shoulder; 0: 0.6895 */
   double mass_kg;         /* its weight acts at the hip; 0: 1.8; negative: none */
   double up[3];           /* direction of the vertical, any length; 0, 0, 0: z */
@@ -36,24 +36,24 @@ typedef struct ulna_arm_support {
  * lies in its shoulder, with the row.
  * @thread any
  * @since 0.1 */
-ULNA_API ulna_status ulna_arm_support_wrenches(const ulna_arm_support* support,
-                                               const ulna_view* poses, double* out,
-                                               int64_t capacity, int64_t* out_count);
+ULNA_API ulna_status ulna_arm_support_wrenches(const ulna_arm_support *support,
+                                               const ulna_view *poses, double *out,
+                                               int64_t capacity, int64_t *out_count);
 
 /** Elevation of arms by geometry, rad. direction: n x 3, shoulder to elbow, any length; up: n x 3
  * or 1 x 3, any length.
  * @thread any
  * @since 0.1 */
-ULNA_API ulna_status ulna_arm_elevation(const ulna_view* direction, const ulna_view* up,
-                                        double* out, int64_t capacity, int64_t* out_count);
+ULNA_API ulna_status ulna_arm_elevation(const ulna_view *direction, const ulna_view *up,
+                                        double *out, int64_t capacity, int64_t *out_count);
 
 /** The same rotations in the sequence ZXY: angles n x 3, u of R = Rx Ry Rz, to u' of R = Rz Rx Ry,
  * row by row (equations 13 to 16). At the singularity u'_y and u'_z are NaN. The elevation of the
  * arm is pi / 2 + u'_x on the left, pi / 2 - u'_x on the right.
  * @thread any
  * @since 0.1 */
-ULNA_API ulna_status ulna_shoulder_zxy(const ulna_view* angles, double* out, int64_t capacity,
-                                       int64_t* out_count);
+ULNA_API ulna_status ulna_shoulder_zxy(const ulna_view *angles, double *out, int64_t capacity,
+                                       int64_t *out_count);
 
 #ifdef __cplusplus
 }
