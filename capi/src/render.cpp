@@ -120,17 +120,18 @@ vision::PictureView picture_of(const char* rgb, int32_t width, int32_t height) {
 ulna_status ulna_render_available(int32_t backend, int32_t* out_available, char* out_text,
                                   int64_t capacity, int64_t* out_size) {
   return guarded([&] {
-    int32_t& available = deref(out_available, "out_available");
-    available = 0;
+    deref(out_available, "out_available");
+    int32_t available = 1;
     std::string words;
     try {
       words = engine::OffscreenContext::open(backend_of(backend))->words();
-      available = 1;
     } catch (const Error& error) {
       if (error.fault() != Fault::kUnsupported) throw;
+      available = 0;
       words = error.what();
     }
     write_text(words, out_text, capacity, out_size);
+    *out_available = available;
   });
 }
 
