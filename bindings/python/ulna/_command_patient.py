@@ -8,7 +8,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from ._command import OK, Usage, add_command, require_matplotlib
+from ._command import OK, Usage, add_command
 
 
 def add_to(verbs: Any, add_file: Any) -> None:
@@ -88,16 +88,11 @@ def _quantities(words: list[str]) -> dict[str, Any] | None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from ._command_study import collected, folder_of, read_file
+    from ._command_study import collected, folder_of, need_figures, read_file
 
     file = read_file(options)
     folder = folder_of(options)
-    if not options.no_figures:
-        try:
-            require_matplotlib()
-        except Usage as failure:
-            words = "figures need matplotlib: `pip install ulna[plot]`, or give --no-figures"
-            raise Usage(words) from failure
+    need_figures(options)
     if file.study.function is None:
         raise Usage(f"{file.path} names no model: there are no runs")
     if file.kind == "two-phase":

@@ -121,7 +121,8 @@ def folder_of(options: argparse.Namespace) -> Path:
     return folder
 
 
-def _need_figures(options: argparse.Namespace) -> None:
+def need_figures(options: argparse.Namespace) -> None:
+    """Refuse at once when figures are wanted and cannot be drawn."""
     if not options.no_figures:
         try:
             require_matplotlib()
@@ -181,7 +182,7 @@ def _run(options: argparse.Namespace) -> int:
 
     file = read_file(options)
     folder = folder_of(options)
-    _need_figures(options)
+    need_figures(options)
     if file.study.function is None:
         raise Usage(f"{file.path} names no model and no program to run")
     if sum(map(bool, (options.workers, options.dask, options.mpi))) > 1:
@@ -360,7 +361,7 @@ def collected(file: Any, folder: Path) -> Callable[[Any, Any, str], Any]:
 def _analyse(options: argparse.Namespace) -> int:
     file = read_file(options)
     folder = folder_of(options)
-    _need_figures(options)
+    need_figures(options)
     execute = collected(file, folder)
     if options.outputs is not None:
         if file.kind == "two-phase":

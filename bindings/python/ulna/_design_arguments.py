@@ -14,14 +14,6 @@ KINDS = {"m": "position", "rad": "position", "N": "force", "Nm": "force"}
 DRIVES = {"position": lib.ULNA_DRIVE_POSITION, "force": lib.ULNA_DRIVE_FORCE}
 
 
-def pick(table: Mapping[str, int], value: Any, name: str) -> int:
-    try:
-        return table[value]
-    except (KeyError, TypeError):
-        known = ", ".join(repr(key) for key in table)
-        raise refuse(f"{name} is {value!r}; it must be one of {known}", name) from None
-
-
 def number(
     value: Any, name: str, *, least: float | None = None, above: float | None = None
 ) -> float:

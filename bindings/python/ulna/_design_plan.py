@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ._call import Handle, check, ffi, lib, long_call, options, out_array, result, text
-from ._design_arguments import number, pick
+from ._design_arguments import number
 from ._design_assumed import Arm, Noise, Robot, arm_of, structs_of
-from .record import refuse
+from .record import pick, refuse
 
 if TYPE_CHECKING:
     from .design import Design

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._call import (
-    ArgumentError,
     Handle,
     check,
     constants,
@@ -22,7 +21,7 @@ from ._call import (
     text,
     view,
 )
-from .record import Record, _Record
+from .record import Record, _Record, pick, refuse
 
 if TYPE_CHECKING:
     from .exo import Plant
@@ -47,16 +46,6 @@ class _Viscoelastic(Handle):
     __slots__ = ()
 
 
-def _refuse(message: str, argument: str) -> ArgumentError:
-    return ArgumentError(message, status="ULNA_ERROR_ARGUMENT", argument=argument)
-
-
-def _choice(value: str, choices: Mapping[str, int], name: str) -> int:
-    if value not in choices:
-        raise _refuse(f"{name} is {value!r}; it must be one of {', '.join(choices)}", name)
-    return choices[value]
-
-
 def _zero(value: float) -> float:
     """A number as the library takes it, to which 0 means its default and less than 0 none."""
     return -1.0 if value == 0 else value
@@ -65,7 +54,7 @@ def _zero(value: float) -> float:
 def _positive(value: float | None, name: str) -> float | None:
     """A number whose 0 would mean the library's default."""
     if value is not None and not value > 0:
-        raise _refuse(f"{name} is {value!r}; it must be positive", name)
+        raise refuse(f"{name} is {value!r}; it must be positive", name)
     return value
 
 
@@ -174,7 +163,7 @@ class Protocol:
     def _struct(self) -> Any:
         moved = None if self.moved is None else dict(self.moved)
         if moved is not None and not moved:
-            raise _refuse("moved names no joint", "moved")
+            raise refuse("moved names no joint", "moved")
         positive = (
             "duration_s", "hold_s", "start_limit_s", "start_angle_rad", "start_rate_rad_s",
             "log_rate_hz", "rate_limit_rad_s", "follow_limit_rad", "length_threshold", "repeats",
@@ -184,9 +173,9 @@ class Protocol:
         )  # fmt: skip
         for name in or_none:
             if not getattr(self, name) >= 0:
-                raise _refuse(f"{name} is {getattr(self, name)!r}; it must be 0 or more", name)
+                raise refuse(f"{name} is {getattr(self, name)!r}; it must be 0 or more", name)
         if self.settle_s is not None and not self.settle_s >= 0:
-            raise _refuse(f"settle_s is {self.settle_s!r}; it must be 0 or more", "settle_s")
+            raise refuse(f"settle_s is {self.settle_s!r}; it must be 0 or more", "settle_s")
         plain = (
             "rest_s", "shoulder", "length_gain", "approach_s", "limit_margin_rad", "time_limit_s",
             "reference_hold_s",
@@ -198,9 +187,9 @@ class Protocol:
             moved_count=None if moved is None else len(moved),
             start_rad=None if self.start_rad is None else np.asarray(self.start_rad, dtype=float),
             speeds=np.atleast_1d(np.asarray(self.speeds, dtype=float)),
-            shape=_choice(self.shape, _MOTIONS, "shape"),
-            torque=_choice(self.torque, _TORQUES, "torque"),
-            excitation=_choice(self.excitation, _EXCITATIONS, "excitation"),
+            shape=pick(_MOTIONS, self.shape, "shape"),
+            torque=pick(_TORQUES, self.torque, "torque"),
+            excitation=pick(_EXCITATIONS, self.excitation, "excitation"),
             from_reference=self.from_reference,
             carry_weight=self.carry_weight,
             balanced=self.balanced,
@@ -432,13 +421,13 @@ def estimator_options(
         "ulna_viscoelastic_options",
         joints=names,
         joint_count=None if names is None else len(names),
-        friction=_choice(friction or ("none" if published else "engine"), _FRICTIONS, "friction"),
+        friction=pick(_FRICTIONS, friction or ("none" if published else "engine"), "friction"),
         no_damping_torque=not switch(damping_torque, not published),
         no_inertia=not switch(inertia, not published),
         human_angle=switch(human_angle, published),
         no_intercept=not intercept,
         no_rate=not switch(rate, not published),
-        errors=_choice(errors, _ERRORS, "errors"),
+        errors=pick(_ERRORS, errors, "errors"),
         count_misfit=count_misfit,
         hac_lag_s=_positive(lag_s, "lag_s"),
         block_s=_positive(block_s, "block_s"),
@@ -507,7 +496,7 @@ def identify_viscoelasticity(
     """
 
     if not isinstance(record, Record):
-        raise _refuse(f"record is a {type(record).__name__}, not a Record", "record")
+        raise refuse(f"record is a {type(record).__name__}, not a Record", "record")
     struct = estimator_options(
         joints=joints,
         published=published,

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._call import (
-    ArgumentError,
     Handle,
     check,
     constants,
@@ -23,7 +22,7 @@ from ._call import (
     text,
     view,
 )
-from .record import Record
+from .record import Record, refuse
 
 if TYPE_CHECKING:
     from ._exo_assessment import Assessment
@@ -47,13 +46,9 @@ class _Video(Handle):
     __slots__ = ()
 
 
-def _refuse(message: str, argument: str) -> ArgumentError:
-    return ArgumentError(message, status="ULNA_ERROR_ARGUMENT", argument=argument)
-
-
 def _backend(name: str) -> int:
     if name not in _BACKENDS:
-        raise _refuse(f"backend is {name!r}; it must be one of {', '.join(_BACKENDS)}", "backend")
+        raise refuse(f"backend is {name!r}; it must be one of {', '.join(_BACKENDS)}", "backend")
     return _BACKENDS[name]
 
 
@@ -137,16 +132,16 @@ class Renderer:
         self.plant = plant
         width, height = _size(size)
         if samples < 1:
-            raise _refuse(f"samples is {samples!r}; it must be between 1 and 4", "samples")
+            raise refuse(f"samples is {samples!r}; it must be between 1 and 4", "samples")
         if distance_m is not None and not distance_m > 0:
-            raise _refuse(f"distance_m is {distance_m!r}; it must be positive", "distance_m")
+            raise refuse(f"distance_m is {distance_m!r}; it must be positive", "distance_m")
         if not force_scale_m_n >= 0:
-            raise _refuse(
+            raise refuse(
                 f"force_scale_m_n is {force_scale_m_n!r}; it must be 0 or more",
                 "force_scale_m_n",
             )
         if (azimuth_rad is None) != (elevation_rad is None):
-            raise _refuse(
+            raise refuse(
                 "a direction of view needs azimuth_rad and elevation_rad",
                 "elevation_rad",
             )
@@ -233,7 +228,7 @@ class Renderer:
 def _size(size: tuple[int, int]) -> tuple[int, int]:
     pair = tuple(size)
     if len(pair) != 2 or not all(isinstance(n, (int, np.integer)) and n > 0 for n in pair):
-        raise _refuse(f"size is {size!r}; it must be two positive whole numbers", "size")
+        raise refuse(f"size is {size!r}; it must be two positive whole numbers", "size")
     return int(pair[0]), int(pair[1])
 
 
@@ -253,7 +248,7 @@ def _shape_rows(
     last = np.atleast_2d(np.asarray(end, dtype=float))
     paint = tuple(colour) if len(colour) == 4 else (*colour, 1.0)
     if first.shape[1] != 3 or first.shape != last.shape or len(paint) != 4:
-        raise _refuse(
+        raise refuse(
             "points must be rows of three numbers, a colour three or four between 0 and 1",
             "points",
         )
@@ -282,7 +277,7 @@ def arrows(
     points = np.atleast_2d(np.asarray(points_m, dtype=float))
     ways = scale_m_n * np.atleast_2d(np.asarray(forces_n, dtype=float))
     if points.shape != ways.shape:
-        raise _refuse("there must be a force for each point", "forces_n")
+        raise refuse("there must be a force for each point", "forces_n")
     seen = ~(np.linalg.norm(ways, axis=1) < 1e-4)
     return _shape_rows(
         lib.ULNA_SHAPE_ARROW, points[seen], points[seen] + ways[seen], radius_m, colour
@@ -314,7 +309,7 @@ def write_png(path: str | os.PathLike[str], pixels: ArrayLike) -> None:
 def _pixels(values: ArrayLike) -> Pixels:
     rgb = np.ascontiguousarray(values)
     if rgb.dtype != np.uint8 or rgb.ndim != 3 or rgb.shape[2] != 3 or rgb.size == 0:
-        raise _refuse(
+        raise refuse(
             f"a picture is an array of uint8 of shape (height, width, 3), not of {rgb.dtype} of "
             f"shape {rgb.shape}",
             "pixels",
@@ -429,7 +424,7 @@ def film(
     record = _record_of(done)
     for name, value in (("rate_hz", rate_hz), ("speed", speed)):
         if not 0 < value < float("inf"):
-            raise _refuse(f"{name} is {value!r}; it must be positive", name)
+            raise refuse(f"{name} is {value!r}; it must be positive", name)
     states = _States(plant, record)
     time = record.time - record.time[0]
     count = max(1, int(np.floor(time[-1] * rate_hz / speed + 1e-9)))
@@ -446,7 +441,7 @@ def film(
 def _record_of(done: Assessment | Record) -> Record:
     record = done if isinstance(done, Record) else getattr(done, "record", None)
     if not isinstance(record, Record):
-        raise _refuse("there is no record to draw, because the movement did not begin", "done")
+        raise refuse("there is no record to draw, because the movement did not begin", "done")
     return record
 
 
@@ -488,7 +483,7 @@ def _channel(record: Record, names: Sequence[str]) -> Array:
     for name in names:
         if name in record:
             return record[name]
-    raise _refuse(f"the record has no channel {' or '.join(names)}", "done")
+    raise refuse(f"the record has no channel {' or '.join(names)}", "done")
 
 
 def render(
@@ -500,7 +495,7 @@ def render(
 ) -> Pixels:
     """A picture of a run; see Plant.render."""
     if path is not None and Path(path).suffix.lower() != ".png":
-        raise _refuse(f"the path {os.fspath(path)} must end with .png", "path")
+        raise refuse(f"the path {os.fspath(path)} must end with .png", "path")
     pixels = Renderer(plant, **look).draw(plant.run() if run is None else run, shapes)
     if path is not None:
         write_png(path, pixels)

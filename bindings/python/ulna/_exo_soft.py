@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._call import ArgumentError, ffi, lib, long_call, options
+from ._call import ffi, lib, long_call, options
+from .record import refuse
 
 Array = NDArray[np.float64]
 
@@ -35,10 +36,6 @@ _MOST_STEPS = 1000  # of a compression's force ramp; some 60 are usual
 
 # Between the plates before a compression, of the tissue of TissueOptions::upper_arm and forearm.
 _WIDTH_M = {"upper": 0.08, "fore": 0.06}
-
-
-def _refuse(message: str, argument: str) -> ArgumentError:
-    return ArgumentError(message, status="ULNA_ERROR_ARGUMENT", argument=argument)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,13 +115,13 @@ class Soft:
         if given is True:
             return cls()
         if not isinstance(given, Mapping):
-            raise _refuse(
+            raise refuse(
                 f"soft is {given!r}; it must be True, exo.Soft or a table", "soft"
             )
         known = {f.name for f in fields(cls)}
         for name in given:
             if name not in known:
-                raise _refuse(
+                raise refuse(
                     f"soft has {name!r}, which there is not; there are {', '.join(sorted(known))}",
                     "soft",
                 )
@@ -132,7 +129,7 @@ class Soft:
 
     def _struct(self) -> Any:
         if self.cuffs not in _CUFFS:
-            raise _refuse(
+            raise refuse(
                 f"cuffs is {self.cuffs!r}; it must be {' or '.join(map(repr, _CUFFS))}", "cuffs"
             )
         struct = options(
@@ -154,10 +151,10 @@ def _pair(name: str, value: ArrayLike) -> Array:
     """Two numbers as the library takes them, to which 0 means its default and less than 0 none."""
     numbers = np.broadcast_to(np.asarray(value, dtype=float), (2,)).copy()
     if (numbers < 0).any():
-        raise _refuse(f"{name} is {value!r}; it must not be negative", name)
+        raise refuse(f"{name} is {value!r}; it must not be negative", name)
     if (numbers == 0).any():
         if name not in _EXACT_ZERO:
-            raise _refuse(f"{name} is {value!r}; it must be positive", name)
+            raise refuse(f"{name} is {value!r}; it must be positive", name)
         numbers[numbers == 0] = -1.0
     return numbers
 
@@ -168,7 +165,7 @@ def _write(struct: Any, name: str, value: ArrayLike, count: int) -> None:
     except (TypeError, ValueError):
         numbers = np.empty(0)
     if numbers.shape != (count,):
-        raise _refuse(f"{name} is {value!r}; it must be {count} numbers", name)
+        raise refuse(f"{name} is {value!r}; it must be {count} numbers", name)
     field = getattr(struct, name)
     for i, number in enumerate(numbers):
         field[i] = number
@@ -323,9 +320,9 @@ def compression_test(
     (True, True)
     """
     if limb not in LIMBS:
-        raise _refuse(f"limb is {limb!r}; it must be one of {', '.join(LIMBS)}", "limb")
+        raise refuse(f"limb is {limb!r}; it must be one of {', '.join(LIMBS)}", "limb")
     if not largest_strain > 0:
-        raise _refuse(
+        raise refuse(
             f"largest_strain is {largest_strain!r}; it must be positive",
             "largest_strain",
         )

@@ -27,7 +27,6 @@ from ._design_arguments import (
     axis_names,
     number,
     pair,
-    pick,
     si_unit,
     span,
     usual,
@@ -37,7 +36,7 @@ from ._design_arguments import (
 from ._design_assumed import Arm, Limits, Noise, Robot, structs_of
 from ._design_plan import Comparison, Plan, compare, plan
 from ._design_safety import SafetyCheck, check_design
-from .record import Record, Segment, _Record, refuse
+from .record import Record, Segment, _Record, pick, refuse
 
 __all__ = [
     "Arm",

@@ -68,6 +68,7 @@ from ._exo_soft import (
     compression_test,
     states_of,
 )
+from .record import pick
 
 __all__ = [
     "Assessment",
@@ -145,16 +146,6 @@ class _Run(Handle):
     __slots__ = ()
 
 
-def _choice(value: str, choices: Mapping[str, int], name: str) -> int:
-    if value not in choices:
-        raise ArgumentError(
-            f"{name} is {value!r}; it must be one of {', '.join(choices)}",
-            status="ULNA_ERROR_ARGUMENT",
-            argument=name,
-        )
-    return choices[value]
-
-
 def _fill(function: Any, *args: Any, shape: tuple[int, ...]) -> Array:
     """What a long call with a token writes into a buffer whose size is known."""
     values = np.empty(shape)
@@ -209,7 +200,7 @@ class Plant:
     def names(self, part: str) -> tuple[str, ...]:
         """Names of the parts of a kind: body, joint, geom, site, tendon, actuator, equality."""
         written = text(
-            lib.ulna_plant_names, self._pointer, _choice(part, _PARTS, "part")
+            lib.ulna_plant_names, self._pointer, pick(_PARTS, part, "part")
         )
         return tuple(written.splitlines())
 
@@ -230,7 +221,7 @@ class Plant:
 
     def values(self, quantity: str, name: str) -> Array:
         """Numbers of a part of the compiled scene, as :meth:`change` takes them."""
-        kind = _choice(quantity, _QUANTITIES, "quantity")
+        kind = pick(_QUANTITIES, quantity, "quantity")
         return out_array(
             lib.ulna_plant_values, self._pointer, kind, encode(name, "name")
         )
@@ -254,7 +245,7 @@ class Plant:
         >>> plant.values("mass", "Link4")
         array([0.6])
         """
-        kind = _choice(quantity, _QUANTITIES, "quantity")
+        kind = pick(_QUANTITIES, quantity, "quantity")
         numbers = view(np.atleast_1d(np.asarray(values, dtype=float)))
         return Plant(
             _Plant.make(
@@ -317,7 +308,7 @@ class Plant:
             view(np.atleast_2d(np.asarray(a, dtype=float)))
             for a in (angle, rate, acceleration)
         ]
-        kind = _choice(dynamics, _DYNAMICS, "dynamics")
+        kind = pick(_DYNAMICS, dynamics, "dynamics")
         out = out_array(lib.ulna_plant_inverse_dynamics, self._pointer, kind, *rows)
         return out.reshape(poses.shape)
 
@@ -634,8 +625,8 @@ def _scene_options(
             )
     return options(
         "ulna_scene_options",
-        coupling=_choice(coupling, _COUPLINGS, "coupling"),
-        muscles=_choice(muscles, _MUSCLES, "muscles"),
+        coupling=pick(_COUPLINGS, coupling, "coupling"),
+        muscles=pick(_MUSCLES, muscles, "muscles"),
         shoulder_muscles=shoulder_muscles,
         published_straps=published_straps,
         pronation=pronation,

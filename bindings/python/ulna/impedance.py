@@ -32,7 +32,7 @@ from ._call import (
     text,
     view,
 )
-from .record import Record, _Record
+from .record import Record, _Record, pick
 
 if TYPE_CHECKING:
     from .passivity import PassivityVerdict
@@ -88,18 +88,6 @@ class UncertainResult(UserWarning):
 class _Impedance(Handle):
     kind = "ulna_impedance"
     __slots__ = ()
-
-
-def _pick(table: dict[Any, int], value: Any, name: str) -> int:
-    try:
-        return table[value]
-    except (KeyError, TypeError):
-        known = ", ".join(repr(key) for key in table)
-        raise ArgumentError(
-            f"{name} is {value!r}; it must be one of {known}",
-            status="ULNA_ERROR_ARGUMENT",
-            argument=name,
-        ) from None
 
 
 @dataclass(frozen=True)
@@ -497,7 +485,7 @@ class ImpedanceEstimate:
         split : {"all", "train", "held-out"}
         """
         if split != "all":
-            _pick(_USES, split, "split")
+            pick(_USES, split, "split")
 
         def get(which: int) -> np.ndarray:
             values = out_array(
@@ -672,7 +660,7 @@ def _prepare_options(
         window=window,
         order=order,
         plain_savgol=plain_savgol,
-        pad=_pick(_PADS, pad, "pad"),
+        pad=pick(_PADS, pad, "pad"),
         threads=threads,
     )
 
@@ -863,12 +851,12 @@ def identify_impedance(
     chosen = options(
         "ulna_impedance_options",
         prepare=prepare,
-        model=_pick(_MODELS, model, "model"),
+        model=pick(_MODELS, model, "model"),
         no_damping=no_damping,
         diagonal_mass=diagonal_mass,
-        estimator=_pick(_ESTIMATORS, estimator, "estimator"),
-        errors=_pick(_ERRORS, errors, "errors"),
-        refit=_pick(_REFIT, refit, "refit"),
+        estimator=pick(_ESTIMATORS, estimator, "estimator"),
+        errors=pick(_ERRORS, errors, "errors"),
+        refit=pick(_REFIT, refit, "refit"),
         payload_kg=payload_kg,
         train_s=train_s,
         lag_s=lag_s,

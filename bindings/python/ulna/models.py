@@ -18,7 +18,7 @@ import numpy as np
 from ._call import Handle, check, ffi, lib, long_call, options, out_array, result, text, view
 from ._frf import ResponseEstimate, frf
 from ._ports import Ports, Word, ports
-from .record import refuse
+from .record import pick, refuse
 
 if TYPE_CHECKING:
     from .systems import TransferFunction
@@ -441,12 +441,12 @@ def identify_transfer_function(
         "zero_count": count,
         "delay_s": delays,
         "delay_count": count,
-        "method": _pick(_METHODS, method, "method"),
-        "hold": _pick(_HOLDS, hold, "hold"),
-        "rest": _pick({"free": 0, "rest": 1}, initial, "initial"),
+        "method": pick(_METHODS, method, "method"),
+        "hold": pick(_HOLDS, hold, "hold"),
+        "rest": pick({"free": 0, "rest": 1}, initial, "initial"),
         "no_offset": not offset,
         "skip_s": skip_s,
-        "white": _pick({"coloured": 0, "white": 1}, errors, "errors"),
+        "white": pick({"coloured": 0, "white": 1}, errors, "errors"),
     }
     run = settings | {
         "lower": lower,
@@ -517,7 +517,7 @@ def simulate(
         zero_count=count,
         delay_s=_each(delay_s, count, "delay_s", float),
         delay_count=count,
-        hold=_pick(_HOLDS, hold, "hold"),
+        hold=pick(_HOLDS, hold, "hold"),
     )
     return out_array(
         lib.ulna_model_simulate, view(coefficients), chosen, view(inputs), float(rate_hz)
@@ -668,15 +668,15 @@ def select_order(
         zero_count=0 if zeros is None else len(zeros),
         delay_s=np.asarray(delay_s, dtype=float),
         delay_count=len(delay_s),
-        criterion=_pick(_CRITERIA, criterion, "criterion"),
+        criterion=pick(_CRITERIA, criterion, "criterion"),
         threads=threads,
     )
     chosen = _model_options(
         signals,
         {
-            "method": _pick(_METHODS, method, "method"),
-            "hold": _pick(_HOLDS, hold, "hold"),
-            "rest": _pick({"free": 0, "rest": 1}, initial, "initial"),
+            "method": pick(_METHODS, method, "method"),
+            "hold": pick(_HOLDS, hold, "hold"),
+            "rest": pick({"free": 0, "rest": 1}, initial, "initial"),
             "no_offset": not offset,
             "held_out": held_out,
         },
@@ -858,12 +858,6 @@ def _whole(values: Sequence[Any], name: str) -> list[int]:
     if any(int(v) != v for v in values):
         raise refuse(f"{name} must hold whole numbers", name)
     return [int(v) for v in values]
-
-
-def _pick(words: Mapping[str, int], word: Any, name: str) -> int:
-    if word not in words:
-        raise refuse(f"{name} is {word!r}; it must be one of {', '.join(map(repr, words))}", name)
-    return words[word]
 
 
 def _positive(value: float, name: str) -> float:

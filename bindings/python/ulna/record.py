@@ -103,6 +103,15 @@ def refuse(message: str, argument: str = "") -> ArgumentError:
     return ArgumentError(message, status="ULNA_ERROR_ARGUMENT", argument=argument)
 
 
+def pick(table: Mapping[Any, int], value: Any, name: str) -> int:
+    """The constant behind a word; an argument error of the Python layer otherwise."""
+    try:
+        return table[value]
+    except (KeyError, TypeError):
+        known = ", ".join(repr(key) for key in table)
+        raise refuse(f"{name} is {value!r}; it must be one of {known}", name) from None
+
+
 def rule_array(rules: Sequence[Mapping[str, Any]]) -> Any:
     """Rules as the C interface takes them; keys are those of a map's ``[[channel]]``."""
     array = ffi.new("ulna_channel_rule[]", len(rules))

@@ -23,11 +23,10 @@ from ._call import Handle, check, ffi, lib, long_call, options, out_array, resul
 from .impedance import (
     Preprocessing,
     UncertainResult,
-    _pick,
     _prepare_options,
     _preprocessing,
 )
-from .record import Record, refuse
+from .record import Record, pick, refuse
 
 __all__ = [
     "DelayedFeedback",
@@ -466,12 +465,12 @@ def identify_reflex(
             pad=pad,
             threads=threads,
         ),
-        intrinsic=_pick(_INTRINSIC, intrinsic, "intrinsic"),
-        side=_pick(_SIDES, side, "side"),
+        intrinsic=pick(_INTRINSIC, intrinsic, "intrinsic"),
+        side=pick(_SIDES, side, "side"),
         order=order,
         position_powers=_nonzero(position_powers, "position_powers"),
         drift=drift,
-        refit=_pick(_REFIT, refit, "refit"),
+        refit=pick(_REFIT, refit, "refit"),
         threshold=threshold_rad_s,
         delay_min_s=low,
         delay_max_s=high,
@@ -783,8 +782,8 @@ def identify_delayed_feedback(
             pad=pad,
             threads=threads,
         ),
-        estimator=_pick(_ESTIMATORS, estimator, "estimator"),
-        refit=_pick(_REFIT, refit, "refit"),
+        estimator=pick(_ESTIMATORS, estimator, "estimator"),
+        refit=pick(_REFIT, refit, "refit"),
         delay_min_s=low if low else -1.0,
         delay_max_s=high,
         train_s=train_s,
@@ -1095,7 +1094,7 @@ def compare_windows(
         level=_nonzero(level, "level"),
         draws=_nonzero(test_draws, "test_draws"),
         seed=seed,
-        estimator=_pick(_ESTIMATORS, estimator, "estimator"),
+        estimator=pick(_ESTIMATORS, estimator, "estimator"),
         free_inertia=free_inertia,
         threads=threads,
     )

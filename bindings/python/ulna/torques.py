@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._call import (
-    ArgumentError,
     FormatError,
     Handle,
     check,
@@ -33,6 +32,7 @@ from ._call import (
 )
 from ._start_check import StartCheck, start_check
 from .body import Body, Motion, human_names, read_body
+from .record import pick, refuse
 
 __all__ = [
     "BodySensor",
@@ -86,16 +86,6 @@ class _Torques(Handle):
 class _Stream(Handle):
     kind = "ulna_torque_stream"
     __slots__ = ()
-
-
-def _refuse(message: str, argument: str) -> ArgumentError:
-    return ArgumentError(message, status="ULNA_ERROR_ARGUMENT", argument=argument)
-
-
-def _one_of(value: str, choices: Mapping[str, int], argument: str) -> int:
-    if value not in choices:
-        raise _refuse(f"{argument} is {value!r}; it must be one of {', '.join(choices)}", argument)
-    return choices[value]
 
 
 @dataclass(frozen=True)
@@ -152,7 +142,7 @@ def suit_sensors(
     centres = {link.name: link.centre_m for link in body.describe()}
     missing = [name for name in human_names("suit") if name not in centres]
     if missing:
-        raise _refuse(f"the body has no link {missing[0]!r}, which wears a sensor", "body")
+        raise refuse(f"the body has no link {missing[0]!r}, which wears a sensor", "body")
     sensors = [
         BodySensor(f"imu {name}", "accelerometer", name, imu_m_s2, position_m=centres[name])
         for name in human_names("suit")
@@ -331,22 +321,22 @@ class SensorSuite:
         rows = np.zeros((len(self.sensors), lib.ULNA_SENSOR_VALUES))
         for row, sensor in zip(rows, self.sensors, strict=True):
             places = carriers if sensor.kind in _OF_JOINTS else links
-            row[0] = _one_of(sensor.kind, _KINDS, "kind")
+            row[0] = pick(_KINDS, sensor.kind, "kind")
             if sensor.place not in places:
                 what = "joint" if places is carriers else "link"
-                raise _refuse(
+                raise refuse(
                     f"sensor {sensor.name!r} is on {what} {sensor.place!r}, which the body has not",
                     "place",
                 )
             row[1] = places[sensor.place]
-            row[2] = _one_of(sensor.frame, _FRAMES, "frame")
+            row[2] = pick(_FRAMES, sensor.frame, "frame")
             row[3:6] = np.asarray(sensor.position_m, dtype=float)
             row[6:15] = np.asarray(sensor.orientation, dtype=float).reshape(9)
             row[15:] = np.nan
             if sensor.deviation is not None:
                 given = np.atleast_1d(np.asarray(sensor.deviation, dtype=float))
                 if given.ndim != 1 or given.size > 6 or np.isnan(given).any():
-                    raise _refuse(
+                    raise refuse(
                         f"sensor {sensor.name!r} has deviations that are no 1 to 6 numbers",
                         "deviation",
                     )
@@ -376,7 +366,7 @@ class SensorSuite:
             if own.name == sensor:
                 return start
             start += _ROWS[own.kind]
-        raise _refuse(f"there is no sensor {sensor!r}", "sensor")
+        raise refuse(f"there is no sensor {sensor!r}", "sensor")
 
     @property
     def deviation(self) -> Array:
@@ -412,11 +402,11 @@ class SensorSuite:
         """
         unknown = set(readings) - {sensor.name for sensor in self.sensors}
         if unknown:
-            raise _refuse(f"there is no sensor {sorted(unknown)[0]!r}", "readings")
+            raise refuse(f"there is no sensor {sorted(unknown)[0]!r}", "readings")
         arrays = {name: np.asarray(values, dtype=float) for name, values in readings.items()}
         if frames is None:
             if not arrays:
-                raise _refuse("without readings the number of frames must be given", "frames")
+                raise refuse("without readings the number of frames must be given", "frames")
             frames = len(next(iter(arrays.values())))
         y = np.full((frames, len(self.rows)), np.nan)
         start = 0
@@ -426,7 +416,7 @@ class SensorSuite:
                 values = arrays[sensor.name]
                 values = values[:, None] if values.ndim == 1 else values
                 if values.shape != (frames, count):
-                    raise _refuse(
+                    raise refuse(
                         f"readings of {sensor.name!r} have shape {values.shape}; "
                         f"({frames}, {count}) is expected",
                         "readings",
@@ -556,7 +546,7 @@ class BodyTorques:
     def interval(self, joint: str) -> tuple[Array, Array]:
         """95 % interval of a joint's torque in every frame, N m."""
         if joint not in self.joints:
-            raise _refuse(f"there is no joint {joint!r}", "joint")
+            raise refuse(f"there is no joint {joint!r}", "joint")
         k = self.joints.index(joint)
         half = _95 * self.torque_deviation[:, k]
         return self.torque[:, k] - half, self.torque[:, k] + half
@@ -634,7 +624,7 @@ def _torque_options(
     if model_deviation is not None:
         four = np.broadcast_to(np.asarray(model_deviation, dtype=float), (4,))
         if not np.isfinite(four).all() or (four < 0.0).any():
-            raise _refuse(
+            raise refuse(
                 "deviations of the model must be finite and not negative", "model_deviation"
             )
         names = ("model_force_n", "model_moment_nm", "model_acceleration_m_s2",
@@ -643,14 +633,14 @@ def _torque_options(
     if momentum_rate_deviation is not None:
         force, moment = momentum_rate_deviation
         if not (force > 0.0 and moment > 0.0):
-            raise _refuse(
+            raise refuse(
                 "deviations of the rate of momentum must be positive", "momentum_rate_deviation"
             )
         given["momentum_rate_force_n"] = force
         given["momentum_rate_moment_nm"] = moment
     return options(
         "ulna_torque_options",
-        solver=_one_of(solver, _SOLVERS, "solver"),
+        solver=pick(_SOLVERS, solver, "solver"),
         stack=bool(stack),
         means_only=not deviations,
         wrenches=bool(wrenches),
@@ -836,5 +826,5 @@ class TorqueStream:
 def _numbers(values: ArrayLike, count: int, argument: str) -> Array:
     array = np.ascontiguousarray(values, dtype=float).reshape(-1)
     if array.size != count:
-        raise _refuse(f"{argument} holds {array.size} numbers, {count} are expected", argument)
+        raise refuse(f"{argument} holds {array.size} numbers, {count} are expected", argument)
     return array
