@@ -700,6 +700,17 @@ def test_figures(study, pyplot):
     runs = study.sample(n=256)
     _inside(runs.plot_density().figure)
     _inside(runs.plot_scatter().flat[0].figure)
+    pairs = runs.plot_pairs()
+    assert [(ax.get_xlabel(), ax.get_ylabel()) for ax in pairs.flat] == [
+        ("x1", "x2"), ("x1", "x3"), ("x2", "x3")
+    ]  # fmt: skip
+    _inside(pairs.flat[0].figure)
+    (pair,) = runs.plot_pairs(factors=["x3", "x1"]).flat
+    assert (pair.get_xlabel(), pair.get_ylabel()) == ("x3", "x1")
+    assert pair.figure.axes[-1].get_xlabel() == "y"
+    for wrong in (["x1"], ["x1", "x9"], "x1", ["x1", "x1"]):
+        with pytest.raises(ulna.ArgumentError, match="two to four of x1, x2, x3"):
+            runs.plot_pairs(factors=wrong)
     broken = ulna.Study(study.factors, fails_in_a_corner)
     lost = broken.run(broken.design(n=64), on_failure="nearest")
     axes = lost.plot_failures()
@@ -728,6 +739,8 @@ def test_figures_of_odd_results(study, pyplot):
     for figure in (runs.plot_density().figure, runs.plot_scatter().flat[0].figure,
                    runs.plot_failures()[0].figure):  # fmt: skip
         _inside(figure)
+    with pytest.raises(ulna.ArgumentError, match="pairs need two factors"):
+        runs.plot_pairs()
 
 
 # The long versions ---------------------------------------------------------------------------------

@@ -508,11 +508,17 @@ def test_two_phases(tmp_path):
     assert kept.fixed == {} and kept.kept == ("a", "b", "c")
     moved = study.two_phase(r=16, n=16, values={"c": 2.0})
     assert moved.fixed == {"c": 2.0}
+    by = study.two_phase(r=16, n=16, decide_by=["z"])
+    assert by.decided_by == ("z",) and by.kept == ("b",) and by.ranking == {}
+    assert "of the largest mu* of z" in by.summary()
+    assert {name for name, *_, word in by.decisions() if word == "fixed"} == {"a", "c"}
     alone = ulna.Study({"a": UNIT, "b": UNIT}, lambda a, b: a + 1e-6 * b).two_phase(r=8, n=8)
     assert alone.ranking == {} and "one factor is left" in alone.summary()
     for wrong, words in [
         ({"share": 0}, "share"),
         ({"keep": ["d"]}, "keep must be names"),
+        ({"decide_by": ["x"]}, "decide_by must be names of outputs"),
+        ({"decide_by": "y"}, "decide_by must be names of outputs"),
         ({"values": {"d": 1}}, "no factor 'd'"),
     ]:
         with pytest.raises(ulna.ArgumentError, match=words):

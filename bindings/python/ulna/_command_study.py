@@ -296,6 +296,7 @@ def _execute(file: Any, execute: Callable[[Any, Any, str], Any]) -> Any:
             share=d["share"],
             seed=d["seed"],
             keep=d["keep"],
+            decide_by=d["decide_by"],
             values=d["fix_at"],
             on_failure=file.on_failure,
             screening={**effects, **first},

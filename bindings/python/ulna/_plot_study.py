@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ._figure import AMBER, BLUE, GREEN, GREY, INK, ORANGE, PINK, SKY, WIDTH_IN, axes_grid, style
+from ._figure import AMBER, BLUE, GREEN, GREY, INK, ORANGE, PINK, SEQUENTIAL, SKY, WIDTH_IN, axes_grid, style
 from .record import refuse
 
 if TYPE_CHECKING:
+    from ._study_fidelity import MultiFidelity
     from ._study_indices import Convergence, Screening, SobolIndices
     from ._study_patient import Patient
     from ._study_two_phase import TwoPhase
@@ -92,6 +93,40 @@ def sobol_indices(result: SobolIndices, axes: Any = None) -> Any:
         return given
 
 
+def fidelity(result: MultiFidelity, axes: Any = None) -> Any:
+    """Indices of a full model, combined and from its own runs, beside the cheap model's."""
+    if "total" not in result.value:
+        raise refuse("the runs are of a plain sample: there are no indices to draw", "result")
+    none = {kind: np.full((len(result.names), 2), np.nan) for kind in ("first", "total")}
+    rows_of = result.block_rows
+    series = (
+        (result.cheap, none, GREY, "D", f"cheap model, {result.cheap_blocks * rows_of} runs"),
+        (
+            result.alone, result.alone_intervals, ORANGE, "s",
+            f"full model, {result.blocks * rows_of} runs",
+        ),
+        (result.value, result.intervals, BLUE, "o", "full model, combined"),
+    )  # fmt: skip
+    with style():
+        height = max(2.8, 1.2 + 0.36 * len(result.names))
+        given = axes_grid(axes, 1, 2, (WIDTH_IN, height), sharey=True)
+        rows = np.arange(len(result.names))
+        for ax, kind in zip(given[0], ("first", "total"), strict=True):
+            for place, (value, intervals, colour, marker, label) in enumerate(series):
+                ax.errorbar(
+                    value[kind], rows + 0.22 * (place - 1), xerr=_errors(value[kind], intervals[kind]),
+                    fmt=marker, color=colour, elinewidth=1.0, capsize=2.5, markersize=4.5, label=label,
+                )  # fmt: skip
+            ax.axvline(0.0, color=INK, linewidth=0.7)
+            ax.set_title(_TITLES[kind])
+            ax.set_xlabel(f"share of the variance; bars: {_level(result.level)} interval")
+            ax.grid(False, axis="y")
+        given[0, 0].set_yticks(rows, result.names)
+        given[0, 0].set_ylim(len(rows) - 0.45, -0.55)
+        _legend_below(given, given[0, 0].get_legend_handles_labels()[0])
+        return given[0]
+
+
 def screening(result: Screening, ax: Any = None) -> Any:
     """µ* and σ of every factor, with their intervals; returns the axes."""
     with style():
@@ -137,7 +172,7 @@ def fixing(result: TwoPhase, ax: Any = None, *, output: str | None = None) -> An
     """µ* of each factor as a share of the largest, and the share below which it is fixed."""
     if output is not None and output not in result.screening:
         raise refuse(f"there is no output {output!r}", "output")
-    one = result.screening[output or next(iter(result.screening))]
+    one = result.screening[output or result.decided_by[0]]
     largest = float(np.max(one.mu_star)) or 1.0
     order = np.argsort(one.mu_star, kind="stable")
     with style():
@@ -295,6 +330,64 @@ def output_scatter(runs: Runs, axes: Any = None, *, output: str | None = None) -
             ax.set_visible(False)
         given.flat[0].legend(loc="best")
         return given
+
+
+def output_pairs(
+    runs: Runs, axes: Any = None, *, output: str | None = None, factors: Any = None
+) -> Any:
+    """Runs over two factors at a time, coloured by an output: what only together is large.
+
+    `factors` are up to four names; by default the three whose slices differ most in the mean.
+    """
+    from matplotlib.colors import LinearSegmentedColormap
+
+    rows, y, name = _good(runs, output)
+    unit = runs.design.unit()[rows]
+    names = list(runs.design.factors)
+    if factors is None:
+        chosen = sorted(np.argsort(-_between_slices(unit, y), kind="stable")[:3].tolist())
+    else:
+        unknown = [factor for factor in factors if factor not in names]
+        if isinstance(factors, str) or unknown or not 2 <= len(set(factors)) <= 4:
+            raise refuse(f"factors must be two to four of {', '.join(names)}", "factors")
+        chosen = [names.index(factor) for factor in factors]
+    if len(chosen) < 2:
+        raise refuse("pairs need two factors", "runs")
+    pairs = list(combinations(chosen, 2))
+    columns = min(3, len(pairs))
+    lines = -(-len(pairs) // columns)
+    thin = max(1, rows.size // 3000)
+    # A few extreme runs must not take the colours from all others.
+    low, high = np.quantile(y, [0.01, 0.99])
+    colours = LinearSegmentedColormap.from_list("ulna", SEQUENTIAL)
+    with style():
+        width = WIDTH_IN / max(2, columns)
+        given = axes_grid(axes, lines, columns, (WIDTH_IN, (width + 0.2) * lines + 0.4))
+        for ax, (i, j) in zip(given.flat, pairs, strict=False):
+            x = [runs.design.factors[names[k]].quantile(unit[:, k]) for k in (i, j)]
+            drawn = ax.scatter(
+                x[0][::thin], x[1][::thin], c=y[::thin], s=6, cmap=colours, vmin=low, vmax=high,
+                linewidths=0.15, edgecolors=GREY, rasterized=True,
+            )  # fmt: skip
+            ax.set_xlabel(_label(runs, names[i]))
+            ax.set_ylabel(_label(runs, names[j]))
+            ax.grid(False)
+        for ax in given.flat[len(pairs) :]:
+            ax.set_visible(False)
+        given.flat[0].figure.colorbar(
+            drawn, ax=given.tolist()[0] if lines == 1 else given.ravel().tolist(), extend="both",
+            label=_label(runs, name), location="bottom", shrink=0.5, aspect=35,
+        )  # fmt: skip
+        return given
+
+
+def _between_slices(unit: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Of each factor, the variance of the output's mean over ten slices."""
+    out = np.empty(unit.shape[1])
+    for i, column in enumerate(unit.T):
+        slices = np.array_split(np.argsort(column, kind="stable"), min(10, y.size))
+        out[i] = np.var([y[part].mean() for part in slices])
+    return out
 
 
 def failure_map(runs: Runs, axes: Any = None) -> Any:

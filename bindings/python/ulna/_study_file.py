@@ -38,7 +38,7 @@ _TOP = ("title", "model", "program", "outputs", "units", "vectorized", "factors"
 _SCREEN = ("scheme", "guard", "levels")
 _RANK = ("second_order", "replicates", "dummy")
 _DESIGN = {
-    "two-phase": ("r", "n", "seed", "share", "keep", "fix_at", *_SCREEN, *_RANK),
+    "two-phase": ("r", "n", "seed", "share", "keep", "decide_by", "fix_at", *_SCREEN, *_RANK),
     "sobol": ("n", "seed", "sampler", *_RANK),
     "screen": ("r", "seed", "sampler", "replicates", "dummy", *_SCREEN),
     "sample": ("n", "seed", "sampler", "candidates"),
@@ -133,7 +133,7 @@ def _checked(source: Path, given: dict[str, Any]) -> StudyFile:
     if kind != "screen":
         defaults["n"] = 1024
     if kind == "two-phase":
-        defaults |= {"share": 0.05, "keep": [], "fix_at": {}}
+        defaults |= {"share": 0.05, "keep": [], "decide_by": [], "fix_at": {}}
     design = {**defaults, **design}
     for name in ("r", "n"):
         if name in design and (not isinstance(design[name], int) or design[name] < 1):

@@ -100,11 +100,11 @@ class Analysed:
         for output in self.file.study.outputs:
             tail = f"-{output}" if many else ""
             of = f" of {output}" if many else ""
-            if self.phases is not None:
+            if self.phases is not None and output in self.phases.decided_by:
                 yield (
                     f"fixing{tail}", f"What is fixed{of}",
                     "A factor is fixed when its effect, with its interval, stays left of the line "
-                    "for every output.",
+                    "for every output that decides.",
                     lambda o=output: self.phases.plot(output=o),
                 )  # fmt: skip
             if output in self.screening:
@@ -142,6 +142,13 @@ class Analysed:
                     "Dots are runs, the line is their mean over slices of the factor.",
                     lambda o=output: runs.plot_scatter(output=o),
                 )  # fmt: skip
+                if len(runs.design.factors) > 1:
+                    yield (
+                        f"pairs{tail}", f"Two factors at a time{of}",
+                        "Each dot is a run over two factors, its colour is the output: what changes "
+                        "only where both are large, the two do together.",
+                        lambda o=output: runs.plot_pairs(output=o),
+                    )  # fmt: skip
         for phase, runs in self.runs.items():
             if runs.failed.size:
                 yield (
@@ -227,9 +234,11 @@ class Analysed:
                 [escape(name), f"{100 * value:.1f} %", f"{100 * bound:.1f} %", escape(word)]
             )
         share = f"{100 * self.phases.share:g}"
+        deciding = self.phases.decided_by
+        which = "every output" if len(deciding) == len(self.screening) else ", ".join(deciding)
         return (
             f"<h2>Decision</h2><p>A factor is fixed when the high end of its µ* stays below "
-            f"{share} % of the largest µ*, for every output.</p>"
+            f"{share} % of the largest µ*, for {escape(which)}.</p>"
             + table(["factor", "µ*", "at most", "decision"], rows, words=(3,))
         )
 

@@ -58,7 +58,10 @@ class TwoPhase:
     fixed : dict of str to float
         Factors that were fixed, and where.
     share : float
-        Of the largest mu*: what a factor's mu* must stay below, with its interval, for all outputs.
+        Of the largest mu*: what a factor's mu* must stay below, with its interval, for all outputs
+        that decide.
+    decided_by : tuple of str
+        These outputs.
     kept : tuple of str
         Factors or groups in the ranking.
     screening_runs, ranking_runs : Runs
@@ -69,17 +72,20 @@ class TwoPhase:
     fixed: Mapping[str, float]
     share: float
     kept: tuple[str, ...]
+    decided_by: tuple[str, ...]
     screening_runs: Runs = field(repr=False)
     ranking_runs: Runs | None = field(default=None, repr=False)
     groups: Mapping[str, str] | None = field(default=None, repr=False)
 
     def decisions(self) -> list[tuple[str, float, float, str]]:
         """Of each factor or group: its name, the high end of mu* and mu*, as shares of the largest
-        mu* (the larger of all outputs), and what became of it.
+        mu* (the larger of all outputs that decide), and what became of it.
         """
         return [
             (name, bound, value, "ranked" if name in self.kept else "fixed")
-            for name, (bound, value) in _shares(self.screening).items()
+            for name, (bound, value) in _shares(
+                {output: self.screening[output] for output in self.decided_by}
+            ).items()
         ]
 
     def summary(self) -> str:
@@ -87,8 +93,9 @@ class TwoPhase:
         parts = ["Phase 1: screening"]
         parts += [one.summary() for one in self.screening.values()]
         width = max(6, *(len(row[0]) for row in self.decisions()))
+        by = "" if len(self.decided_by) == len(self.screening) else f" of {', '.join(self.decided_by)}"
         lines = [
-            f"Decision: fix what stays below {100 * self.share:g} % of the largest mu*",
+            f"Decision: fix what stays below {100 * self.share:g} % of the largest mu*{by}",
             f"  {'factor':<{width}}  {'mu*':>8}  {'at most':>8}  decision",
         ]
         for name, bound, value, word in self.decisions():
@@ -145,6 +152,7 @@ def two_phase(
     share: float,
     seed: int,
     keep: Sequence[str],
+    decide_by: Sequence[str],
     values: Mapping[str, float] | None,
     on_failure: str,
     screening: Mapping[str, Any] | None,
@@ -154,6 +162,9 @@ def two_phase(
     """Both phases; see `Study.two_phase`. `execute` runs a design, of the phase of this name."""
     if isinstance(keep, str) or set(keep) - set(study.factors):
         raise refuse("keep must be names of factors", "keep")
+    if isinstance(decide_by, str) or set(decide_by) - set(study.outputs):
+        raise refuse("decide_by must be names of outputs", "decide_by")
+    deciding = tuple(name for name in study.outputs if name in (decide_by or study.outputs))
     values = dict(values or {})
     if set(values) - set(study.factors):
         raise refuse(f"there is no factor {min(set(values) - set(study.factors))!r}", "values")
@@ -169,9 +180,11 @@ def two_phase(
         name: runs.screen(output=name, on_failure=on_failure, seed=seed, **first)
         for name in study.outputs
     }
-    fixed, kept = decide(study, screened, share=share, keep=keep, values=values)
+    fixed, kept = decide(
+        study, {name: screened[name] for name in deciding}, share=share, keep=keep, values=values
+    )
     if len(kept) < 2:
-        return TwoPhase(screened, {}, fixed, share, kept, runs, groups=study.groups)
+        return TwoPhase(screened, {}, fixed, share, kept, deciding, runs, groups=study.groups)
     rest = study.fix(**fixed) if fixed else study
     second = dict(ranking or {})
     chosen = {
@@ -186,7 +199,7 @@ def two_phase(
         for name in study.outputs
     }
     return TwoPhase(
-        screened, ranked, fixed, share, kept, runs, ranked_runs, groups=study.groups
+        screened, ranked, fixed, share, kept, deciding, runs, ranked_runs, groups=study.groups
     )
 
 

@@ -43,6 +43,7 @@ from ._study_indices import (
     analyse,
 )
 from ._study_export import export, salib_files
+from ._study_fidelity import MultiFidelity, multi_fidelity
 from ._study_journal import StudyJournal, plan_of
 from ._study_patient import Patient, PatientQuantity, patient
 from ._study_call import Call, RunFailed, RunTable
@@ -60,6 +61,7 @@ __all__ = [
     "FailureReport",
     "GivenData",
     "LogUniform",
+    "MultiFidelity",
     "Normal",
     "Patient",
     "PatientQuantity",
@@ -77,6 +79,7 @@ __all__ = [
     "TwoPhase",
     "Uniform",
     "merge",
+    "multi_fidelity",
 ]
 
 # What Study.run takes besides what the analyses take.
@@ -430,6 +433,17 @@ class Runs:
 
         return plot.output_scatter(self, axes, output=output)
 
+    def plot_pairs(
+        self, axes: Any = None, *, output: str | None = None, factors: Sequence[str] | None = None
+    ) -> Any:
+        """Runs over two factors at a time, coloured by an output (needs matplotlib).
+
+        By default of the three factors whose slices differ most in the output's mean.
+        """
+        from . import plot
+
+        return plot.output_pairs(self, axes, output=output, factors=factors)
+
     def plot_failures(self, axes: Any = None) -> Any:
         """Where runs failed, two factors at a time (needs matplotlib)."""
         from . import plot
@@ -672,6 +686,7 @@ class Study:
         share: float = 0.05,
         seed: int = 0,
         keep: Sequence[str] = (),
+        decide_by: Sequence[str] = (),
         values: Mapping[str, float] | None = None,
         on_failure: str = "error",
         journal: str | os.PathLike[str] | None = None,
@@ -682,8 +697,8 @@ class Study:
         """Screen all factors, fix the negligible ones, rank the others.
 
         Elementary effects first, r (K + 1) runs. A factor (or group) is fixed when the high end of
-        its mu*'s interval is below `share` of the largest mu*, for every output. The others get
-        variance-based indices.
+        its mu*'s interval is below `share` of the largest mu*, for every output that decides. The others
+        get variance-based indices.
 
         Parameters
         ----------
@@ -693,6 +708,8 @@ class Study:
             Of the largest mu*.
         keep : sequence of str
             Factors that are never fixed.
+        decide_by : sequence of str
+            Outputs that decide; all by default.
         values : dict of str to float, optional
             Where factors are fixed; their median by default.
         journal : path, optional
@@ -715,6 +732,7 @@ class Study:
             share=share,
             seed=seed,
             keep=keep,
+            decide_by=decide_by,
             values=values,
             on_failure=on_failure,
             screening=screening,
