@@ -32,6 +32,7 @@ void read_interface(const ulna_soft_options& o, int which, SoftInterfaceOptions&
   i.tissue.volume = or_none(o.volume[which], i.tissue.volume);
   i.tissue.element_mass = or_default(o.element_mass_kg[which], i.tissue.element_mass);
   i.friction = or_none(o.friction[which], i.friction);
+  i.shear = or_default(o.shear[which], i.shear);
   i.strap.pretension = or_none(o.pretension_n[which], i.strap.pretension);
   i.strap.length = o.strap_length_m[which];
   i.strap.stiffness = or_default(o.strap_stiffness_n_m[which], i.strap.stiffness);

@@ -28,7 +28,7 @@ _CUFFS = ("fitted", "published")
 _PAIRS = (
     "stiffness_n_m", "viscosity_n_s_m", "neighbour", "volume", "element_mass_kg", "friction",
     "pretension_n", "strap_length_m", "strap_stiffness_n_m", "squeeze_m",
-    "tightness_pa",
+    "tightness_pa", "shear",
 )  # fmt: skip
 _POINTS = ("shoulder_offset_m", "elbow_offset_m")
 _MOST_STEPS = 1000  # of a compression's force ramp; some 60 are usual
@@ -66,6 +66,9 @@ class Soft:
     tightness_pa : float or pair
         Mean pressure on the skin at which the lining is tight and presses no further; 0: it always
         presses by `squeeze_m`.
+    shear : float or pair
+        Stiffness along the skin before it slides, of the tissue's stiffness across it. Default: a
+        third, that of flesh, which keeps its volume (G = E/3).
     cuffs : {"fitted", "published"}
         Shells three quarters around the limb, towards the far end of its segment and as long as the
         joints leave room for; or short open half shells in the middle of the segments, in which the
@@ -100,6 +103,7 @@ class Soft:
     strap_stiffness_n_m: ArrayLike | None = None
     squeeze_m: ArrayLike | None = None
     tightness_pa: ArrayLike | None = None
+    shear: ArrayLike | None = None
     cuffs: str = "fitted"
     unlined: bool = False
     shoulder_offset_m: ArrayLike = (0.0, 0.0, 0.0)

@@ -44,6 +44,7 @@ typedef struct ulna_soft_options {
   double strap_stiffness_n_m[2]; /* of the webbing between two points; 0: 20000 */
   double squeeze_m[2];           /* of the lining into the limb; 0: the default; < 0: none */
   double tightness_pa[2];        /* pressure that ends it; 0: the default; < 0: no such end */
+  double shear[2];               /* stiffness along the skin, of that across it; 0: 1/3 */
 } ulna_soft_options;
 
 /** How a full interface becomes bushings. Zero bytes are the defaults named here.

@@ -45,7 +45,7 @@ struct FittedShell {
   double radius;
 };
 constexpr FittedShell kUpperShell{0.160, 0.160, 0.120, 0.0506};
-constexpr FittedShell kForeShell{0.160, 0.180, 0.120, 0.0420};
+constexpr FittedShell kForeShell{0.165, 0.190, 0.140, 0.0420};
 constexpr double kShellHalfAngle = 110.0 * kDegree;
 
 void fit_shell(SoftInterfaceOptions& o, const FittedShell& shell, double factor) {
@@ -57,13 +57,13 @@ void fit_shell(SoftInterfaceOptions& o, const FittedShell& shell, double factor)
   o.strap.half_width = shell.radius * std::sin(kShellHalfAngle);
   o.strap.anchor = -shell.radius * std::cos(kShellHalfAngle);
   o.strap.pitch = factor * 0.045;
-  o.strap.pretension = 120.0;
+  o.strap.pretension = 150.0;
 }
 
 SoftInterfaceOptions SoftInterfaceOptions::upper_arm(double upper_scale, CuffDesign design) {
   SoftInterfaceOptions o{.name = "upper",
                          .cuff = Cuff::upper_arm(),
-                         .strap = {},
+                         .strap = {.limb = "upper arm"},
                          .tissue = TissueOptions::upper_arm(),
                          .bone = "humerus",
                          .centre = upper_scale * Vector3(0.14, 0.0, 0.0)};
@@ -80,7 +80,7 @@ SoftInterfaceOptions SoftInterfaceOptions::upper_arm(double upper_scale, CuffDes
 SoftInterfaceOptions SoftInterfaceOptions::forearm(double fore_scale, CuffDesign design) {
   SoftInterfaceOptions o{.name = "fore",
                          .cuff = Cuff::forearm(),
-                         .strap = {},
+                         .strap = {.limb = "forearm"},
                          .tissue = TissueOptions::forearm(),
                          .bone = "ulna",
                          .centre = fore_scale * Vector3(0.12, -0.01, 0.015)};
@@ -100,14 +100,17 @@ void SoftInterfaceOptions::check() const {
           "the tissue '" + name + "' must be at a finite place of a bone");
   require(std::isfinite(friction) && friction >= 0.0 && friction <= 10.0, "friction",
           "the friction of '" + name + "' must be between 0 and 10");
-  require(std::isfinite(shear_stiffness) && shear_stiffness > 0.0, "shear_stiffness",
-          "the skin of '" + name + "' must have a positive shear stiffness");
+  require(std::isfinite(shear) && shear > 0.0, "shear",
+          "the skin of '" + name + "' must have a positive stiffness against shear");
   require(std::isfinite(pad_stiffness) && pad_stiffness > 0.0, "pad_stiffness",
           "the pads of '" + name + "' must have a positive stiffness");
 }
 
 SoftInterface::SoftInterface(const SoftInterfaceOptions& options)
-    : options_(checked_interface(options)), tissue_(options.tissue), strap_(options.strap) {
+    : options_(checked_interface(options)),
+      tissue_(options.tissue),
+      strap_(options.strap),
+      shear_stiffness_(options.shear_stiffness()) {
   for (int plate = 0; plate < Cuff::kPlates; ++plate) {
     outward_[static_cast<std::size_t>(plate)] = options_.cuff.outward(plate);
   }

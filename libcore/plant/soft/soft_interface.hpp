@@ -40,12 +40,15 @@ struct SoftInterfaceOptions {
   std::string bone;                  // body that the tissue is around
   Vector3 centre = Vector3::Zero();  // of the tissue in the bone's frame, m
   double friction = 0.7;             // Coulomb coefficient of tissue on cuff and strap
-  double shear_stiffness = 1e7;      // of skin and lining before they slide, N/m for each m^2
-  double pad_stiffness = 1e8;        // of contacts, N/m for each m^2
+  // Stiffness along the skin before it slides, of that across it: a layer between skin and bone
+  // with shear modulus G = E/3 (flesh keeps its volume) is a third as stiff along as across.
+  double shear = 1.0 / 3.0;
+  double pad_stiffness = 1e8;  // of contacts, N/m for each m^2
 
   static SoftInterfaceOptions upper_arm(double upper_scale,
                                         CuffDesign design = CuffDesign::kFitted);
   static SoftInterfaceOptions forearm(double fore_scale, CuffDesign design = CuffDesign::kFitted);
+  double shear_stiffness() const { return shear * tissue.foundation(); }  // N/m^3
   void check() const;  // throws Error (kArgument)
 };
 
@@ -76,12 +79,14 @@ class SoftInterface {
   const Strap& strap() const { return strap_; }
   // Of the cuff's plates.
   const Vector3& outward(int plate) const { return outward_[static_cast<std::size_t>(plate)]; }
+  double shear_stiffness() const { return shear_stiffness_; }  // N/m^3
 
  private:
   SoftInterfaceOptions options_;
   Tissue tissue_;
   Strap strap_;
   std::array<Vector3, Cuff::kPlates> outward_;
+  double shear_stiffness_;
 };
 
 // The moving state of an interface; of one thread at a time.
@@ -168,7 +173,7 @@ class InterfaceRun {
   // After a step that stretched it to `trial`. Returns how far it slid.
   Vector3 relax(Bristle& bristle, const Vector3& trial, const Vector3& velocity,
                 double normal_force, double stiffness) const;
-  double shear(double area) const { return model_->options().shear_stiffness * area; }  // N/m
+  double shear(double area) const { return model_->shear_stiffness() * area; }  // N/m
 
   std::shared_ptr<const SoftInterface> model_;
   std::shared_ptr<const TissueStep> step_;

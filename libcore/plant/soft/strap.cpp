@@ -56,25 +56,27 @@ Vector2 along_path(const std::vector<Vector2>& path, double distance) {
 }  // namespace
 
 void StrapOptions::check() const {
-  const auto positive = [](double value, const char* argument, const char* what) {
+  const auto positive = [this](double value, const char* argument, const char* what) {
     require(std::isfinite(value) && value > 0.0, argument,
-            std::string("the strap must have a positive ") + what);
+            "the strap around the " + limb + " must have a positive " + what);
   };
   require(along >= 3 && along <= 60 && across >= 1 && across <= 20, "strap",
-          "the strap must have between 3 and 60 points along and 1 and 20 across");
+          "the strap around the " + limb +
+              " must have between 3 and 60 points along and 1 and 20 across");
   positive(pitch, "pitch", "pitch");
   positive(half_width, "half_width", "distance of its anchors");
   positive(stiffness, "stiffness", "stiffness");
   positive(mass, "mass", "mass");
   positive(thickness, "thickness", "thickness");
-  require(std::isfinite(anchor), "anchor", "the height of the strap's anchors must be finite");
+  require(std::isfinite(anchor), "anchor",
+          "the height of the anchors of the strap around the " + limb + " must be finite");
   require(std::isfinite(viscosity) && viscosity >= 0.0, "viscosity",
-          "the strap's viscosity must be 0 or more");
+          "the viscosity of the strap around the " + limb + " must be 0 or more");
   require(std::isfinite(pretension) && pretension >= 0.0, "pretension",
-          "the strap's pretension must be 0 or more");
+          "the pretension of the strap around the " + limb + " must be 0 or more");
   require(std::isfinite(length) && length >= 0.0, "length",
-          "the strap's length must be positive, or 0 for the one that its "
-          "pretension asks for");
+          "the length of the strap around the " + limb +
+              " must be positive, or 0 for the one that its pretension asks for");
 }
 
 Strap::Strap(const StrapOptions& options) : options_(options) {
@@ -105,7 +107,8 @@ Matrix Strap::row_path(double z, const Vector3& centre, const Matrix3& q) const 
   const Vector2 middle = centre.head<2>() - dz * (flat.inverse() * cross);
   const double level = 1.0 - dz * dz * (q(2, 2) - cross.dot(flat.inverse() * cross));
   if (level <= 0.01) {
-    throw Error(Fault::kArgument, "strap", "the strap lies beside the limb, not around it");
+    throw Error(Fault::kArgument, "strap",
+                "the strap around the " + options_.limb + " lies beside it, not around it");
   }
   const Vector2 left(-options_.half_width, options_.anchor);
   const Vector2 right(options_.half_width, options_.anchor);
@@ -145,8 +148,8 @@ Strap::Donned Strap::don(const Vector3& centre, const Matrix3& ellipsoid) const 
     // Webbing that would have to be a half longer than it is cannot be closed.
     if (rest < length / 1.5) {
       throw Error(Fault::kArgument, "strap",
-                  "the strap is too short: it has " + in_mm(rest * (options_.along - 1)) +
-                      " without tension and must reach over " +
+                  "the strap around the " + options_.limb + " is too short: it has " +
+                      in_mm(rest * (options_.along - 1)) + " without tension and must reach over " +
                       in_mm(length * (options_.along - 1)));
     }
     donned.rest.push_back(rest);

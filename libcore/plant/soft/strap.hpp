@@ -5,6 +5,7 @@
 #pragma once
 
 #include <array>
+#include <string>
 #include <vector>
 
 #include "plant/rigid_tree.hpp"
@@ -12,6 +13,7 @@
 namespace ulna {
 
 struct StrapOptions {
+  std::string limb = "limb";   // that it is around, for messages
   int along = 8;               // points from one end to the other, the ends included
   int across = 3;              // rows
   double pitch = 0.015;        // of the rows, m
