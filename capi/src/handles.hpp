@@ -29,6 +29,7 @@
 #include "plant/soft/soft_plant.hpp"
 #include "plant/soft_scenery.hpp"
 #include "record/csv.hpp"
+#include "record/mvnx_frames.hpp"
 #include "signal/excitation.hpp"
 #include "signal/system.hpp"
 #include "sim/mobilisation.hpp"
@@ -46,6 +47,10 @@ struct ulna_record {
   std::vector<ulna::Finding> findings;
   ulna::Source source;
   bool is_text = false;  // the source was a text table
+};
+
+struct ulna_mvnx_frames {
+  ulna::MvnxFrames frames;
 };
 
 struct ulna_impedance {

@@ -37,30 +37,21 @@ def main() -> None:
     assert lost == bridged + long and 15 <= long <= 18 + 3, done.stdout
     wider = re.search(rf"grows up to {NUMBER}-fold", done.stdout)
     assert wider and float(wider[1]) > 2, done.stdout
-    inside = re.search(
-        rf"deviations in {NUMBER} %, of bridged frames {NUMBER} %", done.stdout
-    )
+    inside = re.search(rf"deviations in {NUMBER} %, of bridged frames {NUMBER} %", done.stdout)
     # Nothing of a bridged frame is Gaussian, but its deviations must not be too small.
-    assert (
-        inside and 94 < float(inside[1]) < 96.5 and float(inside[2]) > 93
-    ), done.stdout
+    assert inside and 94 < float(inside[1]) < 96.5 and float(inside[2]) > 93, done.stdout
     time = re.search(
         rf"^time +{NUMBER} us a frame, 99.9 % of frames below {NUMBER} us",
         done.stdout,
         re.M,
     )
     assert time and 0 < float(time[1]) <= float(time[2]), done.stdout
-    assert without_times(run(program).stdout) == without_times(
-        done.stdout
-    )  # the same bits again
+    assert without_times(run(program).stdout) == without_times(done.stdout)  # the same bits again
 
     for words in (("tall",), ("nan",), ("9",), ("1.8", "heavy"), ("1.8", "-70")):
         wrong = run(program, *words)
         assert wrong.returncode == 2 and wrong.stdout == "", wrong
-        assert (
-            wrong.stderr.startswith("stream_torques: ")
-            and wrong.stderr.count("\n") == 1
-        ), wrong
+        assert wrong.stderr.startswith("stream_torques: ") and wrong.stderr.count("\n") == 1, wrong
 
 
 if __name__ == "__main__":

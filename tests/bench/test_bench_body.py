@@ -25,9 +25,7 @@ def urdf():
 def motion():
     """Everything moves, the base as well; SI, world axes."""
     rng = np.random.default_rng(1)
-    joints = (
-        rng.normal(size=(3, FRAMES, 48)) * np.array([0.5, 2.0, 10.0])[:, None, None]
-    )
+    joints = rng.normal(size=(3, FRAMES, 48)) * np.array([0.5, 2.0, 10.0])[:, None, None]
     quaternion = rng.normal(size=(FRAMES, 4))
     return Motion(
         angle=joints[0],
@@ -48,9 +46,7 @@ def motion():
 
 def pinocchio_states(pin, model, motion):
     """The same frames as Pinocchio has them: base velocities in base axes, spatial accelerations."""
-    order = np.argsort(
-        [model.joints[model.getJointId(name)].idx_v for name in BODY.joints]
-    )
+    order = np.argsort([model.joints[model.getJointId(name)].idx_v for name in BODY.joints])
     rows = []
     for i in range(FRAMES):
         w, *xyz = motion.orientation[i]
@@ -62,9 +58,7 @@ def pinocchio_states(pin, model, motion):
         acceleration = turn.T @ (proper[:3] - [0, 0, 9.81]) - np.cross(angular, linear)
         q = np.concatenate([motion.position_m[i], xyz, [w], motion.angle[i][order]])
         v = np.concatenate([linear, angular, motion.rate[i][order]])
-        a = np.concatenate(
-            [acceleration, turn.T @ proper[3:], motion.acceleration[i][order]]
-        )
+        a = np.concatenate([acceleration, turn.T @ proper[3:], motion.acceleration[i][order]])
         rows.append((q, v, a))
     return rows, order
 
@@ -96,9 +90,7 @@ def test_pinocchio(benchmark, urdf, motion):
     scale = np.abs(torque).max()
     assert np.abs(out[:, 6:] - torque[:, order]).max() < 1e-8 * scale
     # The base's part, in base axes about its origin.
-    turn = np.array(
-        [pin.Quaternion(np.array([*q[1:], q[0]])).matrix() for q in motion.orientation]
-    )
+    turn = np.array([pin.Quaternion(np.array([*q[1:], q[0]])).matrix() for q in motion.orientation])
     wrench = np.hstack(
         [np.einsum("nji,nj->ni", turn, part) for part in np.split(missing, 2, axis=1)]
     )

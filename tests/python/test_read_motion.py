@@ -113,14 +113,13 @@ def test_mvnx_keeps_a_missing_element_as_missing():
     assert not np.isnan(log["Pelvis_qw"]).any()
 
 
-def test_mvnx_is_the_same_however_many_frames_are_parsed_at_once(monkeypatch):
+def test_mvnx_is_the_same_however_its_bytes_are_cut(monkeypatch):
     data = mvnx(frames=40)[0]
     whole = ulna.read(data).values.copy()
-    for count in (1, 7, 20, 40):
-        monkeypatch.setattr("ulna._read_mvnx._FRAMES_AT_ONCE", count)
+    for count in (60, 501, 4096, len(data) - 1):
+        monkeypatch.setattr("ulna._read_mvnx._CHUNK", count)
         np.testing.assert_array_equal(ulna.read(data).values, whole)
     # An element that begins late or ends early is missing elsewhere.
-    monkeypatch.setattr("ulna._read_mvnx._FRAMES_AT_ONCE", 8)
     parts = data.split(b"<frame ")
     for begin, end in ((2, 20), (30, 42)):
         cut = [re.sub(rb"<centerOfMass>.*</centerOfMass>", b"", part) for part in parts[begin:end]]
@@ -128,6 +127,55 @@ def test_mvnx_is_the_same_however_many_frames_are_parsed_at_once(monkeypatch):
         missing = np.flatnonzero(np.isnan(log["center_of_mass_x"]))
         assert missing.tolist() == list(range(begin - 2, min(end, 42) - 2))
         np.testing.assert_array_equal(log["Pelvis_qw"], whole[:, 0])
+
+
+def test_mvnx_reads_only_the_signals_that_are_asked_for():
+    data, _ = mvnx()
+    log = ulna.read(data, signals=["jointAngle", "position"])
+    assert len(log.channels) == 3 * (len(JOINTS) + len(SEGMENTS))
+    np.testing.assert_array_equal(log["T8_position_y"], ulna.read(data)["T8_position_y"])
+    for wrong in (["orientations"], [], "orientation"):
+        with pytest.raises(ulna.ArgumentError, match="it must name some of orientation, position"):
+            ulna.read(data, signals=wrong)
+    with pytest.raises(ulna.ArgumentError, match="only an MVNX file has signals"):
+        ulna.read(b"t,x\n0,1\n1,2\n", signals=["position"])
+    with pytest.raises(ulna.FormatError, match="holds no signals"):
+        ulna.read(data, signals=["sensorAcceleration"])
+
+
+def test_mvnx_may_have_comments_prefixes_and_other_elements():
+    data, _ = mvnx(frames=5)
+    whole = ulna.read(data).values
+    changed = re.sub(rb"<(/?)frame", rb"<\1x:frame", data)
+    changed = changed.replace(b"<subject ", b"<!-- <frames> --><subject ", 1)
+    changed = changed.replace(b"<orientation>", b"<a b='>'><c/>1 2<!-- > --></a><orientation>")
+    changed = changed.replace(b"<mvnx ", b'<mvnx xmlns:x="http://www.xsens.com/mvn/mvnx" ', 1)
+    np.testing.assert_array_equal(ulna.read(changed).values, whole)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "line"),
+    [
+        (lambda t: t.replace("</subject>", "", 1), 42),  # behind the frames
+        (lambda t: t.replace('index="30"', "index=30"), 32),  # within
+        (lambda t: t.replace("<sensors>", "<sensors", 1), 2),  # before
+        (lambda t: t[: t.index('index="30"')], 32),  # it ends there
+    ],
+)
+def test_a_damaged_mvnx_is_refused_with_its_line(spoil, line):
+    with pytest.raises(ulna.FormatError, match=rf"damaged at line {line} ") as caught:
+        ulna.read(mvnx(spoil=spoil)[0], format="mvnx")
+    assert caught.value.detail == f"line {line}"
+
+
+def test_an_mvnx_in_another_encoding_or_with_frames_twice_is_refused():
+    data, _ = mvnx(frames=3)
+    wide = data.decode().replace("UTF-8", "UTF-16").encode("utf-16")
+    with pytest.raises(ulna.FormatError, match="not written in UTF-8"):
+        ulna.read(wide, format="mvnx")
+    frames = data[data.index(b"<frames") : data.index(b"</frames>") + len(b"</frames>")]
+    with pytest.raises(ulna.FormatError, match="not written in UTF-8|twice"):
+        ulna.read(data.replace(frames, 2 * frames), format="mvnx")
 
 
 @pytest.mark.parametrize(

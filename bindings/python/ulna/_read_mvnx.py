@@ -9,6 +9,7 @@ gravity, as an accelerometer reads it.
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,9 +18,19 @@ from xml.parsers import expat
 
 import numpy as np
 
-from ._call import FileError
-from ._motion_file import Column, broken, record_of
-from .record import Record
+from ._call import (
+    FileError,
+    FormatError,
+    Handle,
+    check,
+    encode,
+    ffi,
+    lib,
+    out_array,
+    text,
+)
+from ._motion_file import broken, named_columns, record_of
+from .record import Record, refuse
 
 _QUATERNION = ("qw", "qx", "qy", "qz")
 _AXES = ("x", "y", "z")
@@ -30,9 +41,21 @@ _SIGNALS: Mapping[str, tuple[str, str, tuple[str, ...], str, str]] = {
     "orientation": ("segment", "", _QUATERNION, "1", "segment to global"),
     "position": ("segment", "position_", _AXES, "m", _GLOBAL),
     "velocity": ("segment", "velocity_", _AXES, "m/s", _GLOBAL),
-    "acceleration": ("segment", "acceleration_", _AXES, "m/s^2", _GLOBAL + ", without gravity"),
+    "acceleration": (
+        "segment",
+        "acceleration_",
+        _AXES,
+        "m/s^2",
+        _GLOBAL + ", without gravity",
+    ),
     "angularVelocity": ("segment", "angular_velocity_", _AXES, "rad/s", _GLOBAL),
-    "angularAcceleration": ("segment", "angular_acceleration_", _AXES, "rad/s^2", _GLOBAL),
+    "angularAcceleration": (
+        "segment",
+        "angular_acceleration_",
+        _AXES,
+        "rad/s^2",
+        _GLOBAL,
+    ),
     "sensorFreeAcceleration": ("sensor", "free_acceleration_", _AXES, "m/s^2", _GLOBAL),
     "sensorAcceleration": (
         "sensor",
@@ -41,14 +64,22 @@ _SIGNALS: Mapping[str, tuple[str, str, tuple[str, ...], str, str]] = {
         "m/s^2",
         "sensor, with gravity",
     ),
-    "sensorAngularVelocity": ("sensor", "sensor_angular_velocity_", _AXES, "rad/s", "sensor"),
+    "sensorAngularVelocity": (
+        "sensor",
+        "sensor_angular_velocity_",
+        _AXES,
+        "rad/s",
+        "sensor",
+    ),
     "sensorOrientation": ("sensor", "sensor_", _QUATERNION, "1", "sensor to global"),
     "jointAngle": ("joint", "angle_", _AXES, "deg", "ZXY"),
     "centerOfMass": ("body", "center_of_mass_", _AXES, "m", _GLOBAL),
 }
 
-# Numbers of so many frames are parsed together, which is three times as fast as one by one.
-_FRAMES_AT_ONCE = 1000
+# Read at once.
+_CHUNK = 1 << 20
+# The tag behind which the library reads: expat alone would take ten times as long for the numbers.
+_FRAMES_TAG = re.compile(rb"<((?:[^\s<>:/]+:)?frames)(?=[\s/>])(?:[^<>\"']|\"[^\"]*\"|'[^']*')*>")
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,14 +114,31 @@ class Suit:
         )
 
 
-def read(source: Any, contents: bytes | None, *, rules: Sequence[Any], progress: bool) -> Record:
-    """The motion of an MVNX file."""
-    name = source.name if isinstance(source, Path) else "mvnx in memory"
-    suit, frames = _parse(source, contents, name)
+def read(
+    source: Any,
+    contents: bytes | None,
+    *,
+    signals: Sequence[str] | None = None,
+    rules: Sequence[Any],
+    progress: bool,
+) -> Record:
+    """The motion of an MVNX file; `signals` are the elements of its frames that are read."""
+    name = _name_of(source)
+    chosen = tuple(_SIGNALS) if signals is None else tuple(signals)
+    unknown = [element for element in chosen if element not in _SIGNALS]
+    if unknown or not chosen:
+        raise refuse(
+            f"signals is {list(chosen)!r}; it must name some of {', '.join(_SIGNALS)}", "signals"
+        )
+    suit, frames = _parse(source, contents, name, elements=chosen)
+    if frames is None or not frames.count:
+        raise broken(f"{name} holds no frames of motion")
     columns = []
-    count = len(frames.index)
-    for element, table in frames.values.items():
+    for at, element in enumerate(chosen):
         whose, prefix, parts, unit, frame = _SIGNALS[element]
+        table = frames.numbers(at)
+        if table.size == 0:
+            continue
         owners = {
             "segment": suit.segments,
             "sensor": suit.sensors,
@@ -100,15 +148,17 @@ def read(source: Any, contents: bytes | None, *, rules: Sequence[Any], progress:
         if element == "centerOfMass":
             table = table[:, :3]  # newer files add its velocity and acceleration
         width = len(owners) * len(parts)
-        if table.shape != (count, width):
+        if table.shape[1] != width:
             raise broken(
                 f"<{element}> in {name} has {table.shape[1]} numbers a frame, but {len(owners)} "
                 f"{whose}s need {width}: the file does not fit its own list of {whose}s"
             )
-        for at, owner in enumerate(owners):
-            for axis, part in enumerate(parts):
-                label = f"{owner}_{prefix}{part}" if owner else f"{prefix}{part}"
-                columns.append(Column(label, table[:, at * len(parts) + axis], unit, frame))
+        labels = [
+            f"{owner}_{prefix}{part}" if owner else f"{prefix}{part}"
+            for owner in owners
+            for part in parts
+        ]
+        columns += named_columns(labels, table, units=[unit] * width, frame=frame)
     return record_of(
         columns,
         name=name,
@@ -120,118 +170,98 @@ def read(source: Any, contents: bytes | None, *, rules: Sequence[Any], progress:
 
 def read_suit(source: Any, contents: bytes | None) -> Suit:
     """What an MVNX file says of the person and the suit."""
-    name = source.name if isinstance(source, Path) else "mvnx in memory"
-    return _parse(source, contents, name, motion=False)[0]
+    return _parse(source, contents, _name_of(source), elements=())[0]
+
+
+def _name_of(source: Any) -> str:
+    return source.name if isinstance(source, Path) else "mvnx in memory"
+
+
+class _Handle(Handle):
+    kind = "ulna_mvnx_frames"
+    __slots__ = ()
 
 
 class _Frames:
-    """Numbers of the frames as they are read; a missing element of a frame is a row of NaN."""
+    """What stands between <frames> and </frames>, as the library reads it."""
 
-    def __init__(self, name: str) -> None:
-        self.name = name
-        self.index: list[int] = []
-        self.time_ms: list[float] = []
-        self.values: dict[str, np.ndarray] = {}
-        self._tables: dict[str, list[np.ndarray]] = {}
-        self._texts: dict[str, list[str | None]] = {}
-        self._done = 0  # frames whose text has become numbers
+    def __init__(self, name: str, elements: Sequence[str], first_line: int) -> None:
+        words = [encode(element, "elements") for element in elements]
+        self._handle = _Handle.make(
+            lib.ulna_mvnx_frames_new,
+            encode(name, "name"),
+            ffi.new("const char *[]", words),
+            len(words),
+            first_line,
+        )
+        self.first_line = first_line
+        self.done = False
 
-    def add(self, number: str | None, stamp: str | None, texts: Mapping[str, str]) -> None:
-        try:
-            self.index.append(int(number or ""))
-            self.time_ms.append(float(stamp or "nan"))
-        except ValueError:
-            raise broken(
-                f"a frame of {self.name} has the index {number!r} and the time {stamp!r}, one of which "
-                "is no number"
-            ) from None
-        before = len(self.index) - 1 - self._done
-        for element, text in texts.items():
-            self._texts.setdefault(element, [None] * before).append(text)
-        for rows in self._texts.values():
-            if len(rows) == before:
-                rows.append(None)
-        if before + 1 >= _FRAMES_AT_ONCE:
-            self._convert()
+    def push(self, data: bytes) -> int:
+        """How many of the bytes belong to the frames."""
+        used, done = ffi.new("int64_t *"), ffi.new("int32_t *")
+        buffer = ffi.from_buffer(data)
+        check(lib.ulna_mvnx_frames_push(self._handle.pointer, buffer, len(data), used, done))
+        self.done = bool(done[0])
+        return int(used[0])
 
-    def finish(self) -> None:
-        self._convert()
-        self.values = {element: np.concatenate(parts) for element, parts in self._tables.items()}
+    def _size(self) -> tuple[int, int]:
+        count, line = ffi.new("int64_t *"), ffi.new("int64_t *")
+        check(lib.ulna_mvnx_frames_size(self._handle.pointer, count, line))
+        return int(count[0]), int(line[0])
 
-    def _convert(self) -> None:
-        count = len(self.index) - self._done
-        for element, rows in self._texts.items():
-            if count == 0:
-                break
-            parts = self._tables.get(element, [])
-            given = [at for at, text in enumerate(rows) if text]
-            words = [str(rows[at]) for at in given]
-            rows.clear()
-            if not words and not parts:
-                continue  # how many numbers it holds is not known yet
-            try:
-                numbers = np.loadtxt(words, comments=None, ndmin=2) if words else None
-            except ValueError:
-                raise self._where(element, given, words) from None
-            width = parts[-1].shape[1] if parts else numbers.shape[1]
-            if numbers is not None and numbers.shape[1] != width:
-                raise self._where(element, given, [" ".join(["0"] * width), *words])
-            table = np.full((count, width), np.nan)
-            if numbers is not None:
-                table[given] = numbers
-            if self._done and not parts:
-                parts.append(np.full((self._done, width), np.nan))
-            self._tables[element] = [*parts, table]
-        self._done = len(self.index)
+    @property
+    def count(self) -> int:
+        return self._size()[0]
 
-    def _where(self, element: str, given: Sequence[int], words: Sequence[str]) -> Exception:
-        """The error of the first row that does not fit."""
-        width = len(words[0].split())
-        extra = len(words) - len(given)  # a row from before, to compare with
-        for at, text in enumerate(words):
-            frame = self.index[self._done + given[max(at - extra, 0)]]
-            where = f"frame {frame}"
-            try:
-                count = len([float(word) for word in text.split()])
-            except ValueError:
-                return broken(
-                    f"<{element}> in {where} of {self.name} holds text that is no number",
-                    where=where,
-                )
-            if count != width:
-                return broken(
-                    f"{where} of {self.name} has {count} numbers in <{element}>, the frame before has "
-                    f"{width}",
-                    where=where,
-                )
-        return broken(f"<{element}> in {self.name} holds text that is no number")
+    @property
+    def line(self) -> int:
+        """Of the file, behind what was read."""
+        return self._size()[1]
+
+    def clock(self) -> np.ndarray:
+        """Number and time stamp in ms of every frame."""
+        return out_array(lib.ulna_mvnx_frames_clock, self._handle.pointer, shape=(-1, 2))
+
+    def numbers(self, element: int) -> np.ndarray:
+        """Rows of an element; without columns where no frame has it."""
+        flat = out_array(lib.ulna_mvnx_frames_numbers, self._handle.pointer, element)
+        return flat.reshape(self.count, -1) if flat.size else np.empty((0, 0))
+
+    def poses(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Frames that are no motion, where they hold orientations and positions."""
+        kinds = text(lib.ulna_mvnx_frames_poses, self._handle.pointer)
+        found = {}
+        for at, kind in enumerate(kinds.split("\n") if kinds else ()):
+            turns, places = (
+                out_array(lib.ulna_mvnx_frames_pose, self._handle.pointer, at, which)
+                for which in (0, 1)
+            )
+            if turns.size and places.size and turns.size % 4 == 0 and places.size % 3 == 0:
+                found[kind] = turns.reshape(-1, 4), places.reshape(-1, 3)
+        return found
 
 
 class _Reader:
-    """Takes an MVNX file apart as it streams by: no tree is built."""
+    """What an MVNX file says beside its frames."""
 
-    def __init__(self, name: str, motion: bool) -> None:
+    def __init__(self, name: str) -> None:
         self.name = name
-        self.motion = motion
-        self.frames = _Frames(name)
         self.lists: dict[str, list[str]] = {"segment": [], "sensor": [], "joint": []}
         self.points: dict[str, np.ndarray] = {}
         self.connections: dict[str, tuple[str, str]] = {}
-        self.poses: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self.rate = np.nan
-        self.all_frames_seen = False
-        self._frame: dict[str, str] | None = None
-        self._texts: dict[str, str] = {}
+        self.in_frames = False
         self._ends: list[str] = []
         self._point = ""
         self._words: list[str] | None = None  # text of the element that is being read
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         tag = tag.rpartition(":")[2]
-        if self._frame is not None:
-            self._words = [] if tag in _SIGNALS else None
+        if tag == "frames":
+            self.in_frames = True
         elif tag == "frame":
-            self._frame, self._texts = attributes, {}
+            raise broken(f"the frames of {self.name} are not written in UTF-8: export it again")
         elif tag == "subject":
             self.rate = _positive(attributes.get("frameRate"), "frameRate", self.name)
         elif tag in self.lists and attributes.get("label"):
@@ -250,12 +280,8 @@ class _Reader:
         tag = tag.rpartition(":")[2]
         words, self._words = self._words, None
         text = "".join(words or []).strip()
-        if tag == "frame" and self._frame is not None:
-            self._end_of_frame(self._frame)
-            self._frame = None
-        elif self._frame is not None:
-            if words is not None:
-                self._texts[tag] = text
+        if tag == "frames":
+            self.in_frames = False
         elif tag == "pos_b" and self.lists["segment"]:
             label = f"{self.lists['segment'][-1]}/{self._point}"
             place = _numbers(text, f"the point {label}", self.name)
@@ -266,77 +292,112 @@ class _Reader:
             self._ends.append(text)
         elif tag == "joint" and len(self._ends) == 2 and self.lists["joint"]:
             self.connections[self.lists["joint"][-1]] = (self._ends[0], self._ends[1])
-        elif tag == "frames":
-            self.all_frames_seen = True
 
     def document_type(self, *_: Any) -> None:
         # Entities can blow a small file up to all memory; MVNX needs none.
         raise broken(f"{self.name} declares a document type, which no MVNX file does")
 
-    def _end_of_frame(self, frame: Mapping[str, str]) -> None:
-        kind = frame.get("type", "normal")
-        if kind == "normal":
-            if self.motion:
-                self.frames.add(frame.get("index"), frame.get("time"), self._texts)
-            return
-        found = {
-            element: _numbers(self._texts[element], f"the {kind} frame", self.name)
-            for element in ("orientation", "position")
-            if element in self._texts
-        }
-        if (
-            len(found) == 2
-            and found["orientation"].size % 4 == 0
-            and found["position"].size % 3 == 0
-        ):
-            self.poses[kind] = found["orientation"].reshape(-1, 4), found["position"].reshape(-1, 3)
+
+class _Parser:
+    """Takes an MVNX file apart as it streams by: expat what describes the suit, the library the
+    frames. No tree is built."""
+
+    def __init__(self, name: str, elements: Sequence[str]) -> None:
+        self.name = name
+        self.elements = elements
+        self.reader = _Reader(name)
+        self.frames: _Frames | None = None
+        self._expat = expat.ParserCreate()
+        self._expat.buffer_text = True
+        self._expat.StartElementHandler = self.reader.start
+        self._expat.EndElementHandler = self.reader.end
+        self._expat.CharacterDataHandler = self.reader.text
+        self._expat.StartDoctypeDeclHandler = self.reader.document_type
+        self._end_tag = b""  # of the frames
+        self._held = b""  # perhaps the beginning of the tag of the frames
+        self._lines = 0  # that expat has seen
+
+    def feed(self, data: bytes) -> None:
+        if self.frames is None:
+            data = self._head(self._held + data)
+        if self.frames is not None and not self.frames.done and data:
+            data = data[self.frames.push(data) :]
+            if self.frames.done:
+                self._parse(self._end_tag)
+        if self.frames is not None and self.frames.done and data:
+            self._parse(data)
+
+    def finish(self) -> None:
+        if self.frames is None:
+            self._parse(self._held)
+        elif not self.frames.done:
+            raise self._damaged(self.frames.line, "no </frames>")
+        self._parse(b"", last=True)
+
+    def _head(self, data: bytes) -> bytes:
+        """Takes what stands before the frames; the rest begins with them."""
+        begin = 0
+        for tag in _FRAMES_TAG.finditer(data):
+            self._parse(data[begin : tag.end()])
+            begin = tag.end()
+            if self.reader.in_frames:  # and not within a comment
+                self.frames = _Frames(self.name, self.elements, self._lines + 1)
+                self._end_tag = b"</" + tag[1] + b">"
+                return data[begin:]
+        keep = data.rfind(b"<", begin)
+        if keep < 0 or len(data) - keep > _CHUNK:
+            keep = len(data)
+        self._parse(data[begin:keep])
+        self._held = data[keep:]
+        return b""
+
+    def _parse(self, data: bytes, *, last: bool = False) -> None:
+        self._lines += data.count(b"\n")
+        try:
+            self._expat.Parse(data, last)
+        except expat.ExpatError as failure:
+            skipped = 0 if self.frames is None else self.frames.line - self.frames.first_line
+            reason = expat.errors.messages.get(failure.code, "not well formed")
+            raise self._damaged(failure.lineno + skipped, reason) from failure
+
+    def _damaged(self, line: int, reason: str) -> FormatError:
+        return broken(
+            f"{self.name} breaks off or is damaged at line {line} ({reason}): export it again",
+            where=f"line {line}",
+        )
 
 
 def _parse(
-    source: Any, contents: bytes | None, name: str, *, motion: bool = True
-) -> tuple[Suit, _Frames]:
-    reader = _Reader(name, motion)
-    parser = expat.ParserCreate()
-    parser.buffer_text = True
-    parser.StartElementHandler = reader.start
-    parser.EndElementHandler = reader.end
-    parser.CharacterDataHandler = reader.text
-    parser.StartDoctypeDeclHandler = reader.document_type
+    source: Any, contents: bytes | None, name: str, *, elements: Sequence[str]
+) -> tuple[Suit, _Frames | None]:
+    parser = _Parser(name, elements)
     try:
         file = Path(source).open("rb") if contents is None else io.BytesIO(contents)
     except OSError as failure:
         raise FileError(
-            f"{str(source)!r} cannot be read: {failure.strerror}", status="ULNA_ERROR_FILE"
+            f"{str(source)!r} cannot be read: {failure.strerror}",
+            status="ULNA_ERROR_FILE",
         ) from failure
     with file:
-        try:
-            while chunk := file.read(1 << 20):
-                parser.Parse(chunk, False)
-                if reader.all_frames_seen and not motion:
-                    break
-            else:
-                parser.Parse(b"", True)
-        except expat.ExpatError as failure:
-            reason = expat.errors.messages.get(failure.code, "not well formed")
-            raise broken(
-                f"{name} breaks off or is damaged at line {failure.lineno} ({reason}): export it again",
-                where=f"line {failure.lineno}",
-            ) from failure
+        while chunk := file.read(_CHUNK):
+            parser.feed(chunk)
+            if not elements and parser.frames is not None and parser.frames.done:
+                break
+        else:
+            parser.finish()
+    reader = parser.reader
     if not reader.lists["segment"] or not reader.rate > 0:
         raise broken(f"{name} has no <subject> with a frameRate and segments: it is no MVNX file")
-    if motion and not reader.frames.index:
-        raise broken(f"{name} holds no frames of motion")
-    reader.frames.finish()
     suit = Suit(
         tuple(reader.lists["segment"]),
         tuple(reader.lists["sensor"]),
         tuple(reader.lists["joint"]),
         reader.points,
         reader.connections,
-        reader.poses,
+        {} if parser.frames is None else parser.frames.poses(),
         float(reader.rate),
     )
-    return suit, reader.frames
+    return suit, parser.frames
 
 
 def _positive(text: str | None, what: str, name: str) -> float:
@@ -358,17 +419,17 @@ def _numbers(text: str, where: str, name: str) -> np.ndarray:
 
 def _clock(frames: _Frames, rate_hz: float, name: str) -> np.ndarray:
     """Time from the frames' numbers: the file's milliseconds are rounded. Lost frames stay gaps."""
-    index = np.asarray(frames.index, dtype=float)
+    index, stamps = frames.clock().T
     steps = np.diff(index)
     if np.any(steps <= 0):
         row = int(np.argmax(steps <= 0)) + 1
+        where = f"frame {index[row]:.0f}"
         raise broken(
-            f"frame {frames.index[row]} of {name} comes after frame {frames.index[row - 1]}: "
-            "frames must be in order",
-            where=f"frame {frames.index[row]}",
+            f"{where} of {name} comes after frame {index[row - 1]:.0f}: frames must be in order",
+            where=where,
         )
     time = (index - index[0]) / rate_hz
-    stamps = np.asarray(frames.time_ms) / 1000
+    stamps = stamps / 1000
     if len(time) > 10 and np.all(np.isfinite(stamps)):
         span = stamps[-1] - stamps[0]
         # Rounding costs a millisecond; a wrong frameRate is wrong by the ratio of two rates.

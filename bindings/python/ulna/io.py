@@ -62,6 +62,7 @@ def read(
     map: Any = None,
     format: str | None = None,
     part: str | None = None,
+    signals: Sequence[str] | None = None,
     progress: bool = False,
 ) -> Record:
     """Read a recording.
@@ -77,6 +78,9 @@ def read(
         By default from the ending of the name and the first bytes; ``"mot"`` is also .sto.
     part : {"points", "analog"}, optional
         Of a C3D file whose markers and analog channels have different rates.
+    signals : sequence of str, optional
+        Of an MVNX file: the elements of its frames to read, as ``["orientation", "jointAngle"]``,
+        which is quicker than all of them.
     progress : bool
         Show a bar (needs tqdm).
 
@@ -94,9 +98,12 @@ def read(
     plan = _load_map(map)
     if part is not None:
         plan = replace(plan, part=part)
+    if signals is not None:
+        plan = replace(plan, signals=tuple(signals))
     if format is not None and format not in set(_FORMATS.values()):
         raise refuse(
-            f"the format {format!r} is none of {', '.join(sorted(set(_FORMATS.values())))}", "format"
+            f"the format {format!r} is none of {', '.join(sorted(set(_FORMATS.values())))}",
+            "format",
         )
     paths = _paths_of(source)
     if paths is None:
@@ -165,6 +172,8 @@ def _read_one(source: Any, plan: _Plan, format: str | None, progress: bool) -> R
     kind = format or plan.format or _format_of(source, contents)
     if plan.part is not None and kind != "c3d":
         raise refuse(f"only a C3D file has parts, this one is read as {kind}", "part")
+    if plan.signals is not None and kind != "mvnx":
+        raise refuse(f"only an MVNX file has signals, this one is read as {kind}", "signals")
     if kind == "csv":
         return _read_csv(source, contents, plan, progress)
     if kind in _MOTION:
@@ -201,7 +210,7 @@ def _read_motion(
     if kind == "mvnx":
         from . import _read_mvnx
 
-        return _read_mvnx.read(source, contents, **rules)
+        return _read_mvnx.read(source, contents, signals=plan.signals, **rules)
     from . import _read_opensim
 
     reader = _read_opensim.read_markers if kind == "trc" else _read_opensim.read_table
@@ -465,6 +474,7 @@ class _Plan:
     header: int = 0
     format: str | None = None
     part: str | None = None
+    signals: tuple[str, ...] | None = None
 
 
 def _load_map(source: Any) -> _Plan:
@@ -524,8 +534,14 @@ class _Checker:
             kinds = keys[key]
             if not isinstance(value, kinds) or (isinstance(value, bool) and kinds is not bool):
                 kinds = kinds if isinstance(kinds, tuple) else (kinds,)
-                words = {str: "a text", int: "a whole number", float: "a number", bool: "true or false",
-                         dict: "a table", list: "a list of tables ([[channel]])"}
+                words = {
+                    str: "a text",
+                    int: "a whole number",
+                    float: "a number",
+                    bool: "true or false",
+                    dict: "a table",
+                    list: "a list of tables ([[channel]])",
+                }
                 wanted = " or ".join(words[k] for k in kinds)
                 raise self.refuse(key, f"{key} must be {wanted}")
         return table
@@ -539,7 +555,9 @@ class _Checker:
             raise self.refuse("rate_hz", "rate_hz must be positive")
         if rate and "column" in time:
             raise self.refuse("rate_hz", "give rate_hz or a time column, not both")
-        delimiter = {"tab": "\t", "\\t": "\t"}.get(file.get("delimiter", ""), file.get("delimiter", ""))
+        delimiter = {"tab": "\t", "\\t": "\t"}.get(
+            file.get("delimiter", ""), file.get("delimiter", "")
+        )
         for key, value in (("delimiter", delimiter), ("decimal", file.get("decimal", ""))):
             if len(value) > 1:
                 raise self.refuse(key, f"{key} must be one character")

@@ -16,6 +16,7 @@
 #include <ulna/impedance.h>
 #include <ulna/joint.h>
 #include <ulna/models.h>
+#include <ulna/mvnx.h>
 #include <ulna/passivity.h>
 #include <ulna/plant.h>
 #include <ulna/record.h>
