@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import ulna
 from ulna.motion import (
@@ -91,6 +92,20 @@ def test_too_few_hinges_leave_the_smallest_misfit():
                 near = rotation("x", found[0, 0] + da) @ rotation("y", found[0, 1] + db)
                 best = min(best, np.arccos(np.clip((np.trace(target.T @ near) - 1) / 2, -1, 1)))
         assert misfit[0] == pytest.approx(best, abs=1e-7)
+
+
+@pytest.mark.parametrize("axes", ["xy", "yz", "xz"])
+def test_two_hinges_come_as_near_as_any_angles_do(axes):
+    """Beside a dense search; two local maxima can be almost alike."""
+    targets = Rotation.random(20, random_state=3).as_matrix()
+    _, misfit = hinge_angles(targets, axes=axes)
+    grid = np.linspace(-np.pi, np.pi, 181)
+    pairs = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
+    products = Rotation.from_euler(axes.upper(), pairs).as_matrix()
+    cosine = 0.5 * (np.einsum("nij,mij->nm", targets, products).max(axis=1) - 1)
+    searched = np.arccos(np.clip(cosine, -1, 1))
+    assert np.all(misfit <= searched + 1e-9)
+    assert np.all(misfit > searched - np.radians(2))  # half a step of the grid in either angle
 
 
 @pytest.mark.skipif(not JOINTS.is_file(), reason="the joint table of the published model is absent")

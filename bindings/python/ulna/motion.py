@@ -217,20 +217,40 @@ def hinge_angles(rotations: ArrayLike, *, axes: str = "xyz") -> tuple[Array, Arr
 
 
 def _nearest(target: Array, axes: str) -> Array:
-    """Coordinate ascent on trace(target' product): every step is a closed form."""
-    angles = np.zeros((len(target), len(axes)))
-    for _ in range(200):
-        before = angles.copy()
-        for at, axis in enumerate(axes):
-            left = _product(angles[:, :at], axes[:at])
-            right = _product(angles[:, at + 1 :], axes[at + 1 :])
-            inner = np.swapaxes(left, 1, 2) @ target @ np.swapaxes(right, 1, 2)
-            i, j = [k for k in range(3) if k != _AXES[axis]]
-            sine = (inner[:, j, i] - inner[:, i, j]) * (-1 if axis == "y" else 1)
-            angles[:, at] = np.arctan2(sine, inner[:, i, i] + inner[:, j, j])
-        if np.nanmax(np.abs(angles - before), initial=0.0) < 1e-13:
-            break
-    return angles
+    """One or two hinges at the largest trace(target' product), in closed form."""
+    if len(axes) == 1:
+        i, j = [k for k in range(3) if k != _AXES[axes]]
+        sine = (target[:, j, i] - target[:, i, j]) * (-1 if axes == "y" else 1)
+        return np.arctan2(sine, target[:, i, i] + target[:, j, j])[:, None]
+    # The trace is 4 <p, q>^2 - 1 of the two unit quaternions, and <p, q> is bilinear in cosine and
+    # sine of half of either angle: a 2 x 2 matrix, whose first singular vectors they are.
+    p = quaternions(target)
+    first, second = (1 + _AXES[axis] for axis in axes)
+    third = p[:, 6 - first - second] * (-1 if axes == "xz" else 1)
+    difference = np.arctan2(p[:, first] - p[:, second], p[:, 0] + third)
+    total = np.arctan2(p[:, first] + p[:, second], p[:, 0] - third)
+    angles = np.column_stack([total + difference, total - difference])
+    return np.asarray(np.pi - np.mod(np.pi - angles, 2 * np.pi))  # above -pi, up to pi
+
+
+def quaternions(rotations: Array) -> Array:
+    """Unit quaternions w, x, y, z, of either sign."""
+    r = np.moveaxis(rotations, 0, -1)
+    # 4 q q'; its row with the largest diagonal is the most exact.
+    xx, yy, zz = r[0, 0], r[1, 1], r[2, 2]
+    wx, wy, wz = r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]
+    xy, xz, yz = r[0, 1] + r[1, 0], r[0, 2] + r[2, 0], r[1, 2] + r[2, 1]
+    products = np.array(
+        [
+            [1 + xx + yy + zz, wx, wy, wz],
+            [wx, 1 + xx - yy - zz, xy, xz],
+            [wy, xy, 1 - xx + yy - zz, yz],
+            [wz, xz, yz, 1 - xx - yy + zz],
+        ]
+    )
+    best = np.argmax(np.diagonal(products), axis=1)
+    row = products[best, :, np.arange(len(best))]
+    return np.asarray(row / np.linalg.norm(row, axis=1, keepdims=True))
 
 
 def _product(angles: Array, axes: str) -> Array:
