@@ -88,6 +88,7 @@ _HOMES = {
 }
 _MODULES = (
     "body",
+    "capture",
     "torques",
     "assist",
     "clocks",
@@ -97,6 +98,8 @@ _MODULES = (
     "joint",
     "models",
     "motion",
+    "overhead",
+    "posture",
     "reflex",
     "signal",
     "stats",

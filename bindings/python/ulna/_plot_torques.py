@@ -1,8 +1,9 @@
-"""The figure of whole-body torques; `ulna.plot` offers it."""
+"""Figures of whole-body torques; `ulna.plot` offers them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -74,3 +75,90 @@ def body_torques(
             title="Balance residual",
         )
         return grid
+
+
+def body_effort(
+    body: Any,
+    axes: Any = None,
+    *,
+    time_s: float | None = None,
+    beside: Any = None,
+    names: tuple[str, str] = ("", ""),
+    limits: tuple[float, float] | None = None,
+    azimuth_deg: float = 35.0,
+    elevation_deg: float = 12.0,
+    labels: int = 3,
+) -> np.ndarray:
+    """The body at one time, each link in the colour of the torque at the joint that carries it.
+
+    Parameters
+    ----------
+    body : RecordedTorques
+    axes : one or two matplotlib axes, optional
+    time_s : float, optional
+        The frame in which all torques together are largest when left out.
+    beside : RecordedTorques, optional
+        Another condition, drawn to the right in the same colours.
+    names : (str, str)
+        What stands above the two; the files when left out.
+    limits : (float, float), optional
+        Ends of the colour bar.
+    azimuth_deg, elevation_deg : float
+        From where: 0 is ahead of the body, 90 its left side.
+    labels : int
+        So many links with the largest torques are named.
+    """
+    from ._body_picture import draw
+    from ._body_show import as_scene
+
+    scene = as_scene(body, names[0])
+    frame = scene.hardest_frame() if time_s is None else scene.frame_at(time_s=time_s)
+    return draw(
+        scene, frame, axes, beside=None if beside is None else as_scene(beside, names[1]),
+        limits=limits, azimuth_deg=azimuth_deg, elevation_deg=elevation_deg, labels=labels,
+    )  # fmt: skip
+
+
+def body_page(
+    body: Any,
+    path: Any,
+    *,
+    beside: Any = None,
+    names: tuple[str, str] = ("", ""),
+    title: str = "Effort of the whole body",
+    source: str = "",
+    limits: tuple[float, float] | None = None,
+    rate_hz: float = 30.0,
+    start_s: float | None = None,
+) -> Path:
+    """Write the moving body as one interactive HTML file, without a network, and return its path.
+
+    Parameters
+    ----------
+    body, beside : RecordedTorques
+        Conditions, both from the start and in the same colours.
+    path : path-like
+    names : (str, str)
+        Of the conditions; the files when left out.
+    title, source : str
+        Heading, and what stands below it.
+    limits : (float, float), optional
+        Ends of the colour bar.
+    rate_hz : float
+        Frames that come faster are left out of the page.
+    start_s : float, optional
+        At which the page opens; the hardest frame when left out.
+
+    Raises
+    ------
+    FileNotFoundError
+        When three.js is not there: neither in the package nor as Debian's libjs-three.
+    """
+    from ._body_page import write_page
+    from ._body_show import as_scene
+
+    return write_page(
+        as_scene(body, names[0]), path,
+        beside=None if beside is None else as_scene(beside, names[1]), title=title, source=source,
+        limits=limits, rate_hz=rate_hz, start_s=start_s,
+    )  # fmt: skip

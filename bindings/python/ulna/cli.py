@@ -137,6 +137,7 @@ _COMMAND_MODULES: tuple[str, ...] = (
     "_command_rig",
     "_command_validate",
     "_command_study",
+    "_command_torques",
 )
 
 

@@ -87,6 +87,26 @@ def rotation_matrices(quaternions: ArrayLike) -> Array:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
+def quaternions(rotations: Array) -> Array:
+    """Quaternions w, x, y, z (n, 4) of rotation matrices (n, 3, 3), of either sign."""
+    r = np.moveaxis(rotations, 0, -1)
+    # 4 q q'; its row with the largest diagonal is the most exact.
+    xx, yy, zz = r[0, 0], r[1, 1], r[2, 2]
+    wx, wy, wz = r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]
+    xy, xz, yz = r[0, 1] + r[1, 0], r[0, 2] + r[2, 0], r[1, 2] + r[2, 1]
+    products = np.array(
+        [
+            [1 + xx + yy + zz, wx, wy, wz],
+            [wx, 1 + xx - yy - zz, xy, xz],
+            [wy, xy, 1 - xx + yy - zz, yz],
+            [wz, xz, yz, 1 - xx - yy + zz],
+        ]
+    )
+    best = np.argmax(np.diagonal(products), axis=1)
+    row = products[best, :, np.arange(len(best))]
+    return np.asarray(row / np.linalg.norm(row, axis=1, keepdims=True))
+
+
 def segment(record: Record, name: str) -> tuple[Array, Array]:
     """Rotation and position of a segment of a suit's recording.
 
@@ -209,7 +229,7 @@ def hinge_angles(rotations: ArrayLike, *, axes: str = "xyz") -> tuple[Array, Arr
         angles[:] = _nearest(target, axes)
     angles += 0.0  # no negative zeros
     angles[~np.isfinite(target).all(axis=(1, 2))] = np.nan
-    left = np.swapaxes(target, 1, 2) @ _product(angles, axes)
+    left = np.swapaxes(target, 1, 2) @ hinge_rotations(angles, axes)
     # The angle of a rotation by its sine where it is small.
     sine = 0.5 * np.linalg.norm(_vee(left), axis=-1)
     cosine = 0.5 * (np.trace(left, axis1=1, axis2=2) - 1)
@@ -233,27 +253,8 @@ def _nearest(target: Array, axes: str) -> Array:
     return np.asarray(np.pi - np.mod(np.pi - angles, 2 * np.pi))  # above -pi, up to pi
 
 
-def quaternions(rotations: Array) -> Array:
-    """Unit quaternions w, x, y, z, of either sign."""
-    r = np.moveaxis(rotations, 0, -1)
-    # 4 q q'; its row with the largest diagonal is the most exact.
-    xx, yy, zz = r[0, 0], r[1, 1], r[2, 2]
-    wx, wy, wz = r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]
-    xy, xz, yz = r[0, 1] + r[1, 0], r[0, 2] + r[2, 0], r[1, 2] + r[2, 1]
-    products = np.array(
-        [
-            [1 + xx + yy + zz, wx, wy, wz],
-            [wx, 1 + xx - yy - zz, xy, xz],
-            [wy, xy, 1 - xx + yy - zz, yz],
-            [wz, xz, yz, 1 - xx - yy + zz],
-        ]
-    )
-    best = np.argmax(np.diagonal(products), axis=1)
-    row = products[best, :, np.arange(len(best))]
-    return np.asarray(row / np.linalg.norm(row, axis=1, keepdims=True))
-
-
-def _product(angles: Array, axes: str) -> Array:
+def hinge_rotations(angles: Array, axes: str) -> Array:
+    """Product of the rotations of hinges in a row, shape (n, 3, 3), from angles (n, hinges)."""
     out = np.tile(np.eye(3), (len(angles), 1, 1))
     for at, axis in enumerate(axes):
         c, s = np.cos(angles[:, at]), np.sin(angles[:, at])
@@ -325,11 +326,12 @@ def joint_angles(
         relative = np.swapaxes(rotations[ends[0]], 1, 2) @ rotations[ends[1]]
         angles, misfit[joint] = hinge_angles(relative, axes=turns)
         for at, turn in enumerate(turns):
-            out[:, list(hinges).index(f"{joint}_rot{turn}")] = _unwrapped(angles[:, at])
+            out[:, list(hinges).index(f"{joint}_rot{turn}")] = unwrapped(angles[:, at])
     return out, misfit
 
 
-def _unwrapped(angle: Array) -> Array:
+def unwrapped(angle: Array) -> Array:
+    """An angle without jumps by whole turns; what is missing stays missing."""
     out = angle.copy()
     known = np.isfinite(angle)
     out[known] = np.unwrap(angle[known])
@@ -457,18 +459,37 @@ def angular_velocity(
     rotation_matrices(q)  # refuses what is no rotation
     if q.ndim != 2:
         raise refuse(f"quaternions has the shape {q.shape}, but (n, 4) is expected", "quaternions")
+    q = same_sign(q)
+    found = differentiate(q, rate_hz=rate_hz, window=window, order=order)
+    _, velocity, acceleration = turning(found.value, found.rate, found.acceleration)
+    return velocity, acceleration
+
+
+def same_sign(quaternions: Array) -> Array:
+    """The same rotations without the jumps of sign that are none, shape (n, 4)."""
+    q = np.array(quaternions)
     known = np.flatnonzero(np.isfinite(q).all(axis=1))
     if len(known) > 1:
         steps = np.sum(q[known[1:]] * q[known[:-1]], axis=1)
         q[known[1:]] *= np.cumprod(np.where(steps < 0, -1.0, 1.0))[:, None]
-    found = differentiate(q, rate_hz=rate_hz, window=window, order=order)
-    length = np.linalg.norm(found.value, axis=1, keepdims=True)
-    unit = found.value / length
+    return q
+
+
+def turning(value: Array, rate: Array, acceleration: Array) -> tuple[Array, Array, Array]:
+    """Unit quaternion, angular velocity and angular acceleration in the segment's own axes.
+
+    Parameters
+    ----------
+    value, rate, acceleration
+        Of the four components, each filtered by itself, shape (n, 4).
+    """
+    length = np.linalg.norm(value, axis=1, keepdims=True)
+    unit = value / length
     # Of the unit quaternion; the filtered one changes its length a little.
-    first = found.rate / length
+    first = rate / length
     first -= unit * np.sum(unit * first, axis=1, keepdims=True)
-    second = found.acceleration / length
-    return 2 * _conjugate_times(unit, first), 2 * _conjugate_times(unit, second)
+    second = acceleration / length
+    return unit, 2 * _conjugate_times(unit, first), 2 * _conjugate_times(unit, second)
 
 
 def _conjugate_times(q: Array, p: Array) -> Array:
@@ -564,14 +585,14 @@ def identify_mount(
         if array.shape != (len(q), 3):
             raise refuse(f"{name} has the shape {array.shape}, but ({len(q)}, 3) is expected", name)
     settings = {"rate_hz": rate_hz, "window": window, "order": order}
-    omega, alpha = angular_velocity(q, **settings)
+    omega, _ = angular_velocity(q, **settings)
     smooth = [differentiate(array, **settings) for array in sensed]
-    accelerometer, gyroscope = smooth[0].value, smooth[1].value
+    accelerometer, gyroscope, turning_faster = smooth[0].value, smooth[1].value, smooth[1].rate
     upward = np.array([0.0, 0.0, GRAVITY_M_S2])
     # The segment's rotations, smoothed alike: its own filter would bend them.
     turn = rotation_matrices(q)
     at_segment = np.einsum("nji,nj->ni", turn, smooth[2].acceleration + upward)
-    whole = np.isfinite(np.hstack([accelerometer, gyroscope, omega, alpha, at_segment])).all(axis=1)
+    whole = np.isfinite(np.hstack([accelerometer, gyroscope, turning_faster, omega, at_segment])).all(axis=1)
     half = (window - 1) // 2
     whole[:half] = whole[-half:] = False
     blocks = _blocks(np.flatnonzero(whole), max(1, round(_BLOCK_S * rate_hz)))
@@ -581,7 +602,7 @@ def identify_mount(
             "needed",
             status="ULNA_ERROR_ANALYSIS",
         )
-    arrays = (gyroscope, omega, alpha, accelerometer, at_segment)
+    arrays = (gyroscope, turning_faster, omega, accelerometer, at_segment)
     rows = np.concatenate(blocks)
     rotation, place, bias, left = _mount(arrays, rows)
     turns, places = [], []
@@ -614,7 +635,7 @@ def _blocks(rows: NDArray[Any], size: int) -> list[NDArray[Any]]:
 def _mount(
     arrays: tuple[Array, ...], rows: NDArray[Any]
 ) -> tuple[Array, Array, Array, tuple[float, float]]:
-    gyroscope, omega, alpha, accelerometer, at_segment = (array[rows] for array in arrays)
+    gyroscope, faster, omega, accelerometer, at_segment = (array[rows] for array in arrays)
     mean_s, mean_b = gyroscope.mean(axis=0), omega.mean(axis=0)
     covariance = (omega - mean_b).T @ (gyroscope - mean_s)
     u, size, vt = np.linalg.svd(covariance)
@@ -628,8 +649,10 @@ def _mount(
     rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
     bias = mean_s - rotation.T @ mean_b
     left = omega - (gyroscope - bias) @ rotation.T
-    # alpha x r + omega x (omega x r) = L r
-    lever = _cross_matrices(alpha) + _cross_matrices(omega) @ _cross_matrices(omega)
+    # alpha x r + omega x (omega x r) = L r. From the gyroscope: the segment's own angles differenced
+    # twice carry the noise that is in its acceleration as well, which would pull the place off.
+    turn = _cross_matrices((gyroscope - bias) @ rotation.T)
+    lever = _cross_matrices(faster @ rotation.T) + turn @ turn
     difference = accelerometer @ rotation.T - at_segment
     stacked, target = lever.reshape(-1, 3), difference.reshape(-1)
     place, _, _, singular = np.linalg.lstsq(stacked, target, rcond=None)

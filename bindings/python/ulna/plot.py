@@ -22,6 +22,7 @@ from ._figure import BLUE, GREEN, GREY, INK, ORANGE, SKY, WIDTH_IN, axes_grid, s
 from ._plot_effort import effort_change, force_curves, subject_lines
 from ._plot_exo import assessment, assessment_scheme, compression, elbow_torque
 from ._plot_models import orders, response, transfer_function
+from ._plot_overhead import effort_by_block, effort_over_time, interval_coverage
 from ._plot_passivity import allowed, port_indices, two_port
 from ._plot_reflex import delay_profile, joint, reflex, windows
 from ._plot_rig import sensing_methods, sensor_check, spring_array, virtual_force
@@ -38,7 +39,7 @@ from ._plot_study import (
     screening,
     sobol_indices,
 )
-from ._plot_torques import body_torques
+from ._plot_torques import body_effort, body_page, body_torques
 from ._response import dynamic_stiffness, is_break, measured_response, raw_signals
 from .record import refuse
 
@@ -46,13 +47,17 @@ __all__ = [
     "Picture",
     "absorbed_energy",
     "allowed",
+    "body_effort",
+    "body_page",
     "body_torques",
     "assessment",
     "assessment_scheme",
     "compression",
     "convergence",
     "delay_profile",
+    "effort_by_block",
     "effort_change",
+    "effort_over_time",
     "elbow_torque",
     "ellipses",
     "energy",
@@ -63,6 +68,7 @@ __all__ = [
     "force_curves",
     "frequency_response",
     "human_share",
+    "interval_coverage",
     "joint",
     "loop",
     "measured_response",

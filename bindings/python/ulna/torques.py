@@ -62,7 +62,7 @@ _KINDS = {
     "joint_torque": lib.ULNA_SENSOR_JOINT_TORQUE,
     "joint_wrench": lib.ULNA_SENSOR_JOINT_WRENCH,
 }
-_ROWS = dict(zip(_KINDS, (3, 3, 1, 6, 3, 0, 0, 1, 6), strict=True))
+ROWS = dict(zip(_KINDS, (3, 3, 1, 6, 3, 0, 0, 1, 6), strict=True))
 _OF_JOINTS = {"joint_acceleration", "joint_torque", "joint_wrench"}
 _FRAMES = {
     "link": lib.ULNA_SENSOR_FRAME_LINK,
@@ -190,7 +190,7 @@ def model_sensors(
                     imu["link"],
                     imu_m_s2,
                     position_m=np.asarray(imu["position"], dtype=float),
-                    orientation=_roll_pitch_yaw(*map(float, imu["rpy_rad"])),
+                    orientation=roll_pitch_yaw(*map(float, imu["rpy_rad"])),
                 )
             )
         sensors += [
@@ -211,7 +211,8 @@ def model_sensors(
     return sensors
 
 
-def _roll_pitch_yaw(roll: float, pitch: float, yaw: float) -> Array:
+def roll_pitch_yaw(roll: float, pitch: float, yaw: float) -> Array:
+    """Rotation by angles about the fixed axes x, y and z, in this order."""
     (cr, cp, cy), (sr, sp, sy) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
     x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
     y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
@@ -365,7 +366,7 @@ class SensorSuite:
         for own in self.sensors:
             if own.name == sensor:
                 return start
-            start += _ROWS[own.kind]
+            start += ROWS[own.kind]
         raise refuse(f"there is no sensor {sensor!r}", "sensor")
 
     @property
@@ -381,7 +382,7 @@ class SensorSuite:
         sensors = []
         start = 0
         for sensor in self.sensors:
-            count = _ROWS[sensor.kind]
+            count = ROWS[sensor.kind]
             if count:
                 sensor = replace(sensor, deviation=tuple(values[start : start + count]))
             start += count
@@ -411,7 +412,7 @@ class SensorSuite:
         y = np.full((frames, len(self.rows)), np.nan)
         start = 0
         for sensor in self.sensors:
-            count = _ROWS[sensor.kind]
+            count = ROWS[sensor.kind]
             if sensor.name in arrays:
                 values = arrays[sensor.name]
                 values = values[:, None] if values.ndim == 1 else values
