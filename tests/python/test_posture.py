@@ -25,7 +25,10 @@ def test_hinge_errors_are_those_of_the_nearest_hinges(axes):
     told = np.tile(np.eye(3), (40, 1, 1))
     for k, axis in enumerate(axes):
         half = np.zeros((40, 4))
-        half[:, 0], half[:, 1 + "xyz".index(axis)] = np.cos(angle[:, k] / 2), np.sin(angle[:, k] / 2)
+        half[:, 0], half[:, 1 + "xyz".index(axis)] = (
+            np.cos(angle[:, k] / 2),
+            np.sin(angle[:, k] / 2),
+        )
         told = told @ rotation_matrices(half)
     found, _ = hinge_angles(np.swapaxes(turn(parent), 1, 2) @ told @ turn(child), axes=axes)
     names = tuple(f"joint_rot{axis}" for axis in axes)
@@ -47,7 +50,9 @@ def standing():
     readings = {joint: [0.0] for joint in body.joints}
     for sensor in suite.sensors:
         if sensor.kind == "accelerometer":
-            readings[sensor.name] = body.sensor(motion, link=sensor.place, point_m=sensor.position_m)[2]
+            readings[sensor.name] = body.sensor(
+                motion, link=sensor.place, point_m=sensor.position_m
+            )[2]
     _, lacking = body.inverse_dynamics(motion)
     feet = [body.links.index(name) for name in ("RightFoot", "LeftFoot")]
     for name, foot in zip(("shoe RightFoot", "shoe LeftFoot"), feet, strict=True):

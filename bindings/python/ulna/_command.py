@@ -168,6 +168,13 @@ def count(text: str) -> int:
     return int(text)
 
 
+def seed(text: str) -> int:
+    """A whole number from 0."""
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 0")
+    return int(text)
+
+
 def numbers(text: str) -> list[float]:
     """Numbers with commas or blanks between."""
     return [number(part) for part in text.replace(",", " ").split()]

@@ -16,6 +16,7 @@ from ._command import (
     number,
     positive,
     require_matplotlib,
+    seed,
 )
 
 _EXAMPLES = """  ulna design multisine --out design.csv
@@ -102,7 +103,7 @@ def _add_kind(
     )
     parser.add_argument("--axes", default=axes, metavar="X,Y", help=f"names (default: {axes})")
     parser.add_argument("--rate", type=positive, default=1000.0, help="Hz (default: 1000)")
-    parser.add_argument("--seed", type=_seed, default=0, help="from 0 (default: 0)")
+    parser.add_argument("--seed", type=seed, default=0, help="from 0 (default: 0)")
     parser.add_argument("--out", metavar="CSV", help="write the table for the robot's controller")
     parser.add_argument(
         "--derivatives", action="store_true", help="with velocity and acceleration of the reference"
@@ -163,12 +164,6 @@ def _band(text: str) -> tuple[float, float]:
     if low > high:
         raise argparse.ArgumentTypeError(f"{text!r}: the smaller number comes first")
     return low, high
-
-
-def _seed(text: str) -> int:
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 0")
-    return int(text)
 
 
 def _design(options: argparse.Namespace) -> int:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from . import _command_assessment
-from ._command import OK, Usage, add_command, not_negative
+from ._command import OK, Usage, add_command, not_negative, seed
 
 _TABLES = ("3.2", "3.4", "4.1", "4.2", "5.6")
 
@@ -63,7 +63,7 @@ def _add_kind(kinds: Any, name: str, summary: str, examples: str) -> argparse.Ar
         help="table of references, as `ulna design` writes",
     )
     parser.add_argument("--out", required=True, metavar="CSV", help="the log")
-    parser.add_argument("--seed", type=_seed, default=0, help="from 0 (default: 0)")
+    parser.add_argument("--seed", type=seed, default=0, help="from 0 (default: 0)")
     parser.add_argument(
         "--kp",
         type=not_negative,
@@ -97,12 +97,6 @@ def _add_arm(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--tremor", type=not_negative, default=0.0, metavar="N", help="rms (default: 0)"
     )
-
-
-def _seed(text: str) -> int:
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 0")
-    return int(text)
 
 
 def _words(text: str) -> tuple[str, ...]:

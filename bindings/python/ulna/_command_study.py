@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from . import _command_patient
+from . import _command_overhead, _command_patient
 from ._command import OK, Usage, add_command, check_folder, count, require_matplotlib
 
 UNFINISHED = 5  # runs are missing: another shard has them, or the time was up
@@ -26,7 +26,8 @@ def add_to(commands: Any) -> None:
         "  ulna study run elbow.toml --out part1 --shard 1/2\n"
         "  ulna study merge part1 part2 --into out/elbow\n"
         "  ulna study patient elbow.toml --observed K_est=5.2:0.1 --quantity K\n"
-        "  ulna study export elbow.toml --out out/elbow --to runs.parquet",
+        "  ulna study export elbow.toml --out out/elbow --to runs.parquet\n"
+        "  ulna study overhead --out out/overhead",
     )
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
 
@@ -85,6 +86,7 @@ def add_to(commands: Any) -> None:
     export.set_defaults(run=_export)
 
     _command_patient.add_to(verbs, _add_file)
+    _command_overhead.add_to(verbs)
 
     merge = add_command(
         verbs, "merge", summary="put the results of shards together",

@@ -106,7 +106,7 @@ def effort_change(
                     error_kw={"linewidth": 0.6, "ecolor": INK},
                 )  # fmt: skip
             ax.axhline(0, color=INK, linewidth=0.7)
-            ax.set_xticks(range(len(members)), [_short(joints[j]) for j in members], rotation=60,
+            ax.set_xticks(range(len(members)), [short_name(joints[j]) for j in members], rotation=60,
                           ha="right", rotation_mode="anchor", fontsize=7)  # fmt: skip
             ax.set_ylabel("change (Nm)")
             ax.set_title(title.capitalize())
@@ -189,7 +189,7 @@ def _cells(values: Any, joints: int) -> np.ndarray:
     return table
 
 
-def _short(joint: str) -> str:
+def short_name(joint: str) -> str:
     """``jRightC7Shoulder_rotx`` -> ``R C7Shoulder x``."""
     body, _, axis = joint.removeprefix("j").partition("_rot")
     for side in ("Right", "Left"):

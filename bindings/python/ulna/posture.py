@@ -259,7 +259,5 @@ def times_small(q: Array, small: Array) -> Array:
     [[0.99995, 0.01, 0.0, 0.0]]
     """
     w, v, half = q[:, :1], q[:, 1:], 0.5 * small
-    out = np.hstack(
-        [w - np.sum(v * half, axis=1, keepdims=True), v + w * half + np.cross(v, half)]
-    )
+    out = np.hstack([w - np.sum(v * half, axis=1, keepdims=True), v + w * half + np.cross(v, half)])
     return np.asarray(out / np.linalg.norm(out, axis=1, keepdims=True))
