@@ -126,12 +126,11 @@ def _catalogue(study: OverheadStudy) -> Iterator[tuple[str, str, str, Any]]:
     )  # fmt: skip
     scenes = [one.scene for one in study.sessions[0]]
     if None not in scenes:
-        from ._body_picture import draw
-
         yield (
             "body", "One subject in the first block",
-            "Absolute torque of every joint, the same movement without and with the device.",
-            lambda: draw(scenes[0], scenes[0].hardest_frame(), beside=scenes[1]),
+            "Torque at the joint that carries each segment, without and with the device; the names are those "
+            "of the largest.",
+            lambda: plot.body_effort(scenes[0], beside=scenes[1]),
         )  # fmt: skip
     yield (
         "coverage", "Can the intervals be trusted?",
@@ -153,10 +152,10 @@ def _moving_body(study: OverheadStudy, folder: Path) -> str:
     scenes = [one.scene for one in study.sessions[0]]
     if None in scenes:
         return ""
-    from ._body_page import write_page
+    from .plot import body_page
 
     try:
-        write_page(
+        body_page(
             scenes[0], folder / "body.html", beside=scenes[1],
             title="Overhead work without and with the device",
             source="subject 1, first block; simulated",
