@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._body_scene import BodyForce, BodyLink, BodyScene, z_onto
+from ._capture_checks import pressure_in_link
 from ._start_check import in_world
 from .body import Link
 from .motion import quaternions
@@ -129,8 +130,11 @@ def _forces(found: RecordedTorques, some: Any, poses: Array) -> tuple[list[BodyF
             continue
         row = suite.row(sensor.name)
         wrench = in_world(sensor, some.measured[:, row : row + 6], poses, found.body.links)
-        at = _three(np.asarray(sensor.position_m)) if sensor.frame == "link" else (0.0, 0.0, 0.0)
-        forces.append(BodyForce(sensor.name, sensor.place, at))
+        at = np.zeros(3)
+        if sensor.name in some.contacts:
+            pressure = pressure_in_link(some, sensor.name, poses)
+            at = pressure.mean(axis=0) if len(pressure) else at
+        forces.append(BodyForce(sensor.name, sensor.place, _three(at)))
         newton.append(wrench[:, :3])
     return forces, np.stack(newton, axis=1) if newton else np.zeros((len(poses), 0, 3))
 

@@ -25,6 +25,15 @@ _MOST_JITTER = 0.35
 # Two turns: above it an angle in radians is no posture of a joint.
 _MOST_RAD = 4 * np.pi
 _GRAVITY_M_S2 = 9.81
+# What is looked for among the dozen signals of a suit's frames.
+_OF_A_SUIT = (
+    "orientation",
+    "position",
+    "sensorAcceleration",
+    "sensorFreeAcceleration",
+    "sensorOrientation",
+    "sensorAngularVelocity",
+)
 _FORCES = ("f", "force", "forcev")
 _MOMENTS = ("m", "moment", "torque")
 _ACCELEROMETERS = ("sensoracceleration", "acc", "accelerometer")
@@ -175,7 +184,8 @@ def _read(path: Path, progress: bool) -> Record:
         )
     # Markers of a C3D file carry no angles; its plates do carry the person.
     part = "analog" if ending == ".c3d" else None
-    return ulna.read(path, part=part, progress=progress)
+    signals = _OF_A_SUIT if ending == ".mvnx" else None
+    return ulna.read(path, part=part, signals=signals, progress=progress)
 
 
 def _item(record: Record, label: str) -> Item:

@@ -27,6 +27,8 @@ _SOLE_MARGIN_M = 0.03
 _LOADED_N = 50.0  # below it a contact has no centre of pressure
 _INVERSE = np.array([1.0, 1.0, 1.0, 1.0, -1.0, -1.0, -1.0])  # turns a pose's quaternion round
 _MOST_APART = 5
+_FEWEST_OF_KIND = 4
+_UNCHECKED = 0.02  # a smaller innovation is that of a row that nothing checks
 _FIT_STEPS = 30
 _FIT_FRAMES = 300
 
@@ -43,27 +45,37 @@ def look_at_contacts(frames: CapturedFrames) -> tuple[StartCheck | None, list[Fi
     return check, list(check.issues)
 
 
+def pressure_in_link(frames: CapturedFrames, name: str, poses: np.ndarray) -> np.ndarray:
+    """Centre of pressure of a contact in its link, at the height of its sole, (loaded frames, 3)."""
+    body, suite = frames.setup.body, frames.suite
+    sensor = next(s for s in suite.sensors if s.name == name)
+    row = suite.row(name)
+    wrench = in_world(sensor, frames.measured[:, row : row + 6], poses, body.links)
+    index = body.links.index(sensor.place)
+    link = body.describe()[index]
+    with np.errstate(invalid="ignore"):
+        loaded = np.isfinite(poses[:, index, 0]) & (wrench[:, 2] > _LOADED_N)
+    pose, force = poses[loaded, index], wrench[loaded, :3]
+    below = np.array([0.0, 0.0, link.shape_centre_m[2] - 0.5 * link.shape_size_m[2]])
+    sole = pose[:, :3] + turned(pose, below)
+    moment = wrench[loaded, 3:] - np.cross(sole, force)
+    away = np.stack([-moment[:, 1], moment[:, 0], 0 * force[:, 2]], axis=1) / force[:, 2:]
+    return np.asarray(below + turned(pose * _INVERSE, away))
+
+
 def look_at_soles(frames: CapturedFrames) -> list[Finding]:
     """Centres of pressure that are not under their link, where the model knows its box."""
-    body, suite = frames.setup.body, frames.suite
+    body = frames.setup.body
     poses = body.poses(frames.motion)
     found = []
     for name in frames.contacts:
-        sensor = next(s for s in suite.sensors if s.name == name)
-        row = suite.row(name)
-        wrench = in_world(sensor, frames.measured[:, row : row + 6], poses, body.links)
-        index = body.links.index(sensor.place)
-        link = body.describe()[index]
-        with np.errstate(invalid="ignore"):
-            loaded = np.isfinite(poses[:, index, 0]) & (wrench[:, 2] > _LOADED_N)
-        if link.shape != "box" or not loaded.any():
+        place = next(s.place for s in frames.suite.sensors if s.name == name)
+        link = body.describe()[body.links.index(place)]
+        pressure = pressure_in_link(frames, name, poses)
+        if link.shape != "box" or not len(pressure):
             continue
-        pose, force = poses[loaded, index], wrench[loaded, :3]
+        ahead, left, _ = np.mean(pressure, axis=0) - link.shape_centre_m
         reach = 0.5 * link.shape_size_m
-        sole = pose[:, :3] + turned(pose, link.shape_centre_m - [0.0, 0.0, reach[2]])
-        moment = wrench[loaded, 3:] - np.cross(sole, force)
-        away = np.stack([-moment[:, 1], moment[:, 0], 0 * force[:, 2]], axis=1) / force[:, 2:]
-        ahead, left, _ = np.mean(turned(pose * _INVERSE, away), axis=0)
         # The toes of the human model are links of their own, ahead of the foot.
         toes = sum(t.shape_size_m[0] for t in body.describe() if t.parent == link.name)
         beyond = [ahead - reach[0] - toes, -reach[0] - ahead, abs(left) - reach[1]]
@@ -110,14 +122,31 @@ def look_at_sensors(frames: CapturedFrames, *, named: Collection[str]) -> list[F
     """Sensors whose innovations are much larger than their standard deviations allow."""
     return [
         _larger(sensor, ratio, "its readings are off by")
-        for sensor, ratio in _suspects(frames, frames.suite).items()
-        if sensor not in named
+        for sensor, ratio in _innovations(frames, frames.suite).items()
+        if sensor not in named and ratio > _LARGER
     ]
 
 
-def _suspects(frames: CapturedFrames, suite: SensorSuite) -> dict[str, float]:
-    """Sensors with the largest normalised innovation of their rows, the worst first."""
-    rows = estimate_torques(suite, frames.motion, frames.measured).suspects(limit=_LARGER)
+def _suspects(frames: CapturedFrames, suite: SensorSuite) -> list[str]:
+    """Sensors with much larger innovations than others of their kind, the worst first.
+
+    Against the middle one of the kind: a variance that all share is raised by the one that is wrong.
+    """
+    found = _innovations(frames, suite)
+    kinds: dict[str, list[float]] = {}
+    own = {s.name: _kind(s.name, s.kind) for s in suite.sensors}
+    for name, ratio in found.items():
+        kinds.setdefault(own[name], []).append(ratio)
+    typical = {
+        kind: min(1.0, float(np.median(ratios))) if len(ratios) >= _FEWEST_OF_KIND else 1.0
+        for kind, ratios in kinds.items()
+    }
+    return [name for name, ratio in found.items() if ratio > _LARGER * typical[own[name]]]
+
+
+def _innovations(frames: CapturedFrames, suite: SensorSuite) -> dict[str, float]:
+    """The largest normalised innovation (RMS) of each sensor's rows, the worst sensor first."""
+    rows = estimate_torques(suite, frames.motion, frames.measured).suspects(limit=_UNCHECKED)
     worst: dict[str, float] = {}
     for row, ratio in rows.items():
         sensor = next(

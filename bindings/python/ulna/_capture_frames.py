@@ -40,7 +40,7 @@ _STILL = 1e-3  # of a base that stands, m/s^2 and rad/s^2
 
 def gather(
     recordings: Any,
-    setup: BodySetup,
+    body: Any,
     *,
     calibration: Any = None,
     clocks: str = "fit",
@@ -49,8 +49,11 @@ def gather(
     order: int = 4,
     progress: bool = False,
 ) -> CapturedFrames:
-    """Frames of a capture; see `ulna.capture.recorded_torques`."""
+    """Frames of a capture on one clock, through one filter; arguments as for `recorded_torques`."""
+    from ._capture_setup import setup_of
     from .capture import CapturedFrames
+
+    setup = setup_of(body)
 
     if clocks not in ("fit", "shared"):
         raise refuse(f"clocks is {clocks!r}: it must be 'fit' or 'shared'", "clocks")

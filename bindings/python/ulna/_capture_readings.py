@@ -303,28 +303,27 @@ def placed(
     imu: Imu, name: str, found: ImuReading, frames: State, mount: Mount | None, deviation: float
 ) -> Placed:
     """The sensor where the setup says, or the calibration, or the recording itself."""
-    off_m = off_rad = 0.0
-    told = True
-    felt = frames.body.sensor(frames.motion, link=imu.link)
     if imu.position_m is not None and imu.orientation is not None:
-        place, axes = (
-            np.asarray(imu.position_m, dtype=float),
-            np.asarray(imu.orientation, dtype=float),
-        )
+        sensor = BodySensor(
+            name, "accelerometer", imu.link, deviation, position_m=imu.position_m,
+            orientation=imu.orientation,
+        )  # fmt: skip
+        return Placed(sensor, 0.0, True)
+    felt = frames.body.sensor(frames.motion, link=imu.link)
+    centre = frames.body.describe()[frames.body.links.index(imu.link)].centre_m
+    mount = mount or mount_of(found, frames, imu.link)
+    told = mount is not None and bool(np.max(mount.rotation_error_rad) < _MOST_MOUNT_ERROR_RAD)
+    if mount is not None and told:
+        # What the motion says of the place against where sensors are worn at all.
+        trust = _WORN_WITHIN_M**2 / (_WORN_WITHIN_M**2 + mount.position_error_m**2)
+        place = trust * mount.position_m + (1 - trust) * centre
+        axes = mount.rotation
+        off_m = float(np.max(_WORN_WITHIN_M * np.sqrt(1 - trust)))
+        off_rad = float(np.max(mount.rotation_error_rad))
     else:
-        centre = frames.body.describe()[frames.body.links.index(imu.link)].centre_m
-        mount = mount or mount_of(found, frames, imu.link)
-        if mount is not None and np.max(mount.rotation_error_rad) < _MOST_MOUNT_ERROR_RAD:
-            # What the motion says of the place against where sensors are worn at all.
-            trust = _WORN_WITHIN_M**2 / (_WORN_WITHIN_M**2 + mount.position_error_m**2)
-            place = trust * mount.position_m + (1 - trust) * centre
-            axes = mount.rotation
-            off_m = float(np.max(_WORN_WITHIN_M * np.sqrt(1 - trust)))
-            off_rad = float(np.max(mount.rotation_error_rad))
-        else:
-            told, place = False, np.asarray(centre, dtype=float)
-            axes = aligned(found.acceleration, felt[2])[0]
-            off_m, off_rad = _WORN_WITHIN_M, _GUESSED_AXES_RAD
+        place = np.asarray(centre, dtype=float)
+        axes = aligned(found.acceleration, felt[2])[0]
+        off_m, off_rad = _WORN_WITHIN_M, _GUESSED_AXES_RAD
     with np.errstate(invalid="ignore"):
         lever = np.sum(felt[3] ** 2, axis=1) + np.sum(felt[1] ** 2, axis=1) ** 2
     moving = float(np.sqrt(np.nanmean(lever))) if np.isfinite(lever).any() else 0.0

@@ -156,9 +156,11 @@ def _balance(found: RecordedTorques) -> str:
     lines = "" if start is None else f"<p>{escape(start.summary().splitlines()[0])}.</p>"
     nis = float(np.nanmean(found.torques.balance_nis))
     spread = np.nanmedian(found.torques.residual_deviation, axis=0)
+    left = np.sqrt(np.nanmean(found.torques.residual**2, axis=0))
     rows = [
-        ["lacking, RMS", *(_number(rms[name]) for name in BALANCE)],
-        ["explained by the sensors", *(_number(float(value)) for value in spread)],
+        ["lacking for the measured motion, RMS", *(_number(rms[name]) for name in BALANCE)],
+        ["lacking for the estimated one, RMS", *(_number(float(value)) for value in left)],
+        ["of that explained by the sensors, 1 σ", *(_number(float(value)) for value in spread)],
     ]
     units = ["N"] * 3 + ["N m"] * 3
     head = ["", *(f"{name} ({unit})" for name, unit in zip(BALANCE, units, strict=True))]

@@ -332,7 +332,7 @@ def recorded_torques(
     (True, ())
     """
     frames = gather(
-        recordings, setup_of(body), calibration=calibration, clocks=clocks, rate_hz=rate_hz,
+        recordings, body, calibration=calibration, clocks=clocks, rate_hz=rate_hz,
         window_s=window_s, order=order, progress=progress,
     )  # fmt: skip
     return estimate(
