@@ -22,6 +22,7 @@ def test_runs(path, tmp_path):
     folder = tmp_path / "notebooks"
     folder.mkdir()
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    shutil.copytree(ROOT / "docs" / "results", tmp_path / "docs" / "results")
     notebook = nbformat.read(path, as_version=4)
     client = nbclient.NotebookClient(
         notebook, timeout=120, kernel_name="python3", resources={"metadata": {"path": str(folder)}}
