@@ -185,7 +185,17 @@ def _read(path: Path, progress: bool) -> Record:
     # Markers of a C3D file carry no angles; its plates do carry the person.
     part = "analog" if ending == ".c3d" else None
     signals = _OF_A_SUIT if ending == ".mvnx" else None
-    return ulna.read(path, part=part, signals=signals, progress=progress)
+    try:
+        return ulna.read(path, part=part, signals=signals, progress=progress)
+    except ulna.Error as failure:
+        if path.name in str(failure):
+            raise
+        raise type(failure)(  # among several files a line number alone says nothing
+            f"{path.name}: {failure}",
+            status=failure.status,
+            argument=failure.argument,
+            detail=failure.detail,
+        ) from failure
 
 
 def _item(record: Record, label: str) -> Item:
