@@ -8,8 +8,8 @@ from simulated_capture import FEET, WRENCH, simulated_capture
 
 import ulna
 from ulna._capture_channels import load
-from ulna.body import Link, Motion, body_from_links
-from ulna.capture import BodySetup, Contact, recorded_torques
+from ulna.body import Link, Motion, body_from_links, human_body
+from ulna.capture import BodySetup, Contact, read_setup, recorded_torques
 from ulna.motion import rotation_matrices
 
 UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])  # OpenSim's axes (y up) of the world's (z up)
@@ -160,3 +160,52 @@ def test_shoes_with_the_other_sign_are_turned(tmp_path):
     wrong = BodySetup(made.body, contacts=[Contact(f, f) for f in FEET], imus=())
     told = recorded_torques([made.suit, turned], wrong, clocks="shared", variances="given")
     assert [f.channel for f in told.findings if f.code == "upside_down"] == list(FEET)
+
+
+def test_points_of_a_suit_give_the_lengths_of_the_body(tmp_path):
+    """A body of odd proportions, told as a suit's file tells it, comes back."""
+    long_arms = human_body(height_m=1.8, mass_kg=75, lengths_m={"upper_arm": 0.36, "shank": 0.40})
+    places = dict(zip(long_arms.links, long_arms.poses(Motion(np.zeros((1, 48))))[0, :, :3],
+                      strict=True))  # fmt: skip
+    segments = [name for name in long_arms.links if "_f" not in name]
+    links = {link.name: link for link in long_arms.describe()}
+    points = {name: [] for name in segments}
+    joints = []
+    for name in segments[1:]:
+        parent = links[name].parent
+        while parent not in segments:
+            parent = links[parent].parent
+        hinge = links[name]
+        while hinge.joint is None:
+            hinge = links[hinge.parent]
+        joint = hinge.joint.rpartition("_rot")[0]
+        points[parent].append((joint, places[name] - places[parent]))
+        points[name].append((joint, np.zeros(3)))
+        joints.append((joint, f"{parent}/{joint}", f"{name}/{joint}"))
+    text = "".join(
+        f'<segment label="{name}"><points>'
+        + "".join(f'<point label="{p}"><pos_b>{x[0]} {x[1]} {x[2]}</pos_b></point>' for p, x in own)
+        + "</points></segment>"
+        for name, own in points.items()
+    )
+    told = "".join(f'<joint label="{j}"><connector1>{a}</connector1><connector2>{b}</connector2></joint>'
+                   for j, a, b in joints)  # fmt: skip
+    (tmp_path / "suit.mvnx").write_text(
+        f'<mvnx><subject frameRate="60"><segments>{text}</segments><joints>{told}</joints>'
+        "<frames></frames></subject></mvnx>"
+    )
+    person = tmp_path / "person.toml"
+    person.write_text('[body]\nheight_m = 1.8\nmass_kg = 75\nsuit = "suit.mvnx"\n')
+    body = read_setup(person).body
+    arm = body.links.index("RightForeArm")
+    origin = body.poses(Motion(np.zeros((1, 48))))[0, :, :3]
+    for name in ("RightForeArm", "LeftHand", "RightFoot", "Head"):
+        k = body.links.index(name)
+        np.testing.assert_allclose(origin[k], places[name], atol=1e-9)
+    upper = body.links.index("RightUpperArm")
+    assert np.linalg.norm(origin[arm] - origin[upper]) == pytest.approx(0.36)
+    (tmp_path / "suit.mvnx").write_text(
+        (tmp_path / "suit.mvnx").read_text().replace("Pelvis/jL5S1", "Pelvis/nothing")
+    )
+    with pytest.raises(ulna.FormatError, match="where the joint jL5S1 lies"):
+        read_setup(person)

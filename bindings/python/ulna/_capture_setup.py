@@ -10,11 +10,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ._call import ArgumentError, Error, FileError, FormatError
-from .body import Body, human_body, read_body
+from .body import Body, human_body, human_names, read_body
+from .io import read_suit
 from .record import refuse
 from .torques import roll_pitch_yaw
+
+Array = NDArray[np.float64]
 
 if TYPE_CHECKING:
     from .assist import PassiveDevice
@@ -23,7 +27,9 @@ if TYPE_CHECKING:
 # Table -> keys that it may have.
 _KEYS: Mapping[str, set[str]] = {
     "": {"body", "attach", "contact", "imu", "device", "deviations"},
-    "body": {"height_m", "mass_kg", "lengths_m", "spherical", "published_masses", "file"},
+    "body": {
+        "height_m", "mass_kg", "lengths_m", "suit", "spherical", "published_masses", "file",
+    },
     "attach": {"name", "link", "mass_kg", "centre_m", "inertia_kg_m2"},
     "contact": {
         "name", "link", "channels", "position_m", "rpy_rad", "frame", "sign", "force_n", "moment_nm",
@@ -173,9 +179,47 @@ def _body(table: Mapping[str, Any], path: Path) -> Body:
         return read_body(path.parent / table["file"])
     return human_body(
         height_m=table["height_m"], mass_kg=table["mass_kg"], lengths_m=table.get("lengths_m"),
+        points_m=suit_points(path.parent / table["suit"]) if "suit" in table else None,
         spherical=table.get("spherical", False),
         published_masses=table.get("published_masses", False),
     )  # fmt: skip
+
+
+# Ends of segments in the human model -> points of a suit.
+_ENDS = {
+    "HeadTop": "Head/pTopOfHead",
+    "RightHandTip": "RightHand/pRightTopOfHand",
+    "LeftHandTip": "LeftHand/pLeftTopOfHand",
+    "RightHeel": "RightFoot/pRightHeelFoot",
+    "LeftHeel": "LeftFoot/pLeftHeelFoot",
+    "RightToeTip": "RightToe/pRightToe",
+    "LeftToeTip": "LeftToe/pLeftToe",
+}
+
+
+def suit_points(path: Path) -> dict[str, Array]:
+    """Joint centres and ends of a person in the neutral pose, by the points of an MVNX file.
+
+    In that pose all segments have the axes of the world, so that points of neighbours add up.
+    """
+    suit = read_suit(path)
+    known = set(human_names("points"))
+    origins: dict[str, Array] = {suit.segments[0]: np.zeros(3)}
+    centres: dict[str, Array] = {}
+    for joint, (parent, child) in suit.connections.items():
+        carrier, carried = parent.partition("/")[0], child.partition("/")[0]
+        if carrier not in origins or parent not in suit.points_m or child not in suit.points_m:
+            raise FormatError(
+                f"{path.name} does not say where the joint {joint} lies", status="ULNA_ERROR_FORMAT"
+            )
+        centre = origins[carrier] + suit.points_m[parent]
+        origins[carried] = centre - suit.points_m[child]
+        if joint in known:
+            centres[joint] = centre
+    for end, point in _ENDS.items():
+        if point in suit.points_m and point.partition("/")[0] in origins:
+            centres[end] = origins[point.partition("/")[0]] + suit.points_m[point]
+    return centres
 
 
 def _device(table: Mapping[str, Any] | None, path: Path) -> PassiveDevice | None:
