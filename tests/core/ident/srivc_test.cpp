@@ -11,9 +11,12 @@
 #include "base/random.hpp"
 #include "ident/order_search.hpp"
 #include "ident/rational_simulate.hpp"
+#include "refusal.hpp"
 
 namespace ulna {
 namespace {
+
+using made::refusal_of;
 
 // Held random levels, as a computer commands them.
 Matrix levels(Index rows, Index hold, std::uint64_t seed, Index columns = 1) {
@@ -48,17 +51,6 @@ Vector noisy(const Vector& y, double sd, std::uint64_t seed) {
   Vector out = y;
   for (double& v : out) v += sd * random.normal();
   return out;
-}
-
-Fault fault_of(const std::function<void()>& call) {
-  try {
-    call();
-  } catch (const Error& error) {
-    EXPECT_FALSE(std::string(error.what()).empty());
-    return error.fault();
-  }
-  ADD_FAILURE() << "nothing was refused";
-  return Fault::kInternal;
 }
 
 TEST(Rational, RootsAndPolynomialsAreInverse) {
@@ -307,9 +299,10 @@ TEST(Srivc, SameBitsAgainAndCancels) {
   EXPECT_EQ(one.covariance, two.covariance);
   Token token;
   token.cancel();
-  EXPECT_EQ(
-      fault_of([&] { identify_rational(u, y, 100.0, {}, options_for(mass_spring()), &token); }),
-      Fault::kCancelled);
+  EXPECT_EQ(refusal_of([&] {
+              identify_rational(u, y, 100.0, {}, options_for(mass_spring()), &token);
+            }).fault(),
+            Fault::kCancelled);
 }
 
 TEST(Srivc, RefusesWhatCannotBeUsed) {
@@ -319,7 +312,7 @@ TEST(Srivc, RefusesWhatCannotBeUsed) {
   const auto refused = [&](const std::function<void(RationalOptions&)>& change) {
     RationalOptions o = good;
     change(o);
-    return fault_of([&] { identify_rational(u, y, 100.0, {}, o); });
+    return refusal_of([&] { identify_rational(u, y, 100.0, {}, o); }).fault();
   };
   EXPECT_EQ(refused([](auto& o) { o.setup.orders.poles = 0; }), Fault::kArgument);
   EXPECT_EQ(refused([](auto& o) { o.setup.orders.poles = 11; }), Fault::kArgument);
@@ -342,7 +335,7 @@ TEST(Srivc, RefusesWhatCannotBeUsed) {
   EXPECT_EQ(refused([](auto& o) { o.setup.least_skip_s = 4.95; }), Fault::kData);
   const auto with = [&](const Matrix& inputs, const Vector& output, double rate,
                         const std::vector<RowRange>& ranges = {}) {
-    return fault_of([&] { identify_rational(inputs, output, rate, ranges, good); });
+    return refusal_of([&] { identify_rational(inputs, output, rate, ranges, good); }).fault();
   };
   EXPECT_EQ(with(u, y.head(400), 100.0), Fault::kArgument);
   EXPECT_EQ(with(u, y, 0.0), Fault::kArgument);
@@ -382,8 +375,9 @@ TEST(Orders, RefusesAnEmptyGridAndPassesOnBadData) {
   const Matrix u = levels(500, 10, 20);
   const Vector y = simulate_rational(mass_spring(), {0.0}, Hold::kZero, u, 100.0);
   const auto search = [&](const OrderGrid& grid, const Matrix& inputs) {
-    return fault_of(
-        [&] { search_orders(inputs, y, 100.0, {}, grid, OrderCriterion::kBic, {}, 1); });
+    return refusal_of(
+               [&] { search_orders(inputs, y, 100.0, {}, grid, OrderCriterion::kBic, {}, 1); })
+        .fault();
   };
   EXPECT_EQ(search({{}, {}, {0.0}}, u), Fault::kArgument);
   EXPECT_EQ(search({{2}, {}, {}}, u), Fault::kArgument);

@@ -9,23 +9,13 @@
 
 #include "base/error.hpp"
 #include "base/random.hpp"
+#include "refusal.hpp"
 
 namespace ulna {
 namespace {
 
-Error refusal(const std::function<void()>& call) {
-  try {
-    call();
-  } catch (const Error& error) {
-    return error;
-  }
-  ADD_FAILURE() << "nothing was refused";
-  return Error(Fault::kInternal, "", "");
-}
-
-bool has(const Error& error, const std::string& word) {
-  return std::string(error.what()).find(word) != std::string::npos;
-}
+using made::refusal_of;
+using made::says;
 
 Vector numbers(std::initializer_list<double> values) {
   Vector out(static_cast<Index>(values.size()));
@@ -141,27 +131,27 @@ TEST(Calibration, ACurveAndAStrayPointAreSeen) {
 }
 
 TEST(Calibration, RefusesWhatGivesNoLine) {
-  EXPECT_TRUE(has(refusal([] {
-                    calibrate_line(numbers({1, 2}), numbers({1, 2}), {}, false);
-                  }),
-                  "at least three"));
-  EXPECT_TRUE(has(refusal([] {
-                    calibrate_line(numbers({3, 3, 3, 3}), numbers({1, 2, 3, 4}), {}, false);
-                  }),
-                  "same voltage"));
-  EXPECT_TRUE(has(refusal([] {
-                    calibrate_line(numbers({1, 2, 3}), numbers({1, 2}), {}, false);
-                  }),
-                  "one force for every voltage"));
-  const Error error = refusal([] {
+  EXPECT_TRUE(says(refusal_of([] {
+                     calibrate_line(numbers({1, 2}), numbers({1, 2}), {}, false);
+                   }),
+                   "at least three"));
+  EXPECT_TRUE(says(refusal_of([] {
+                     calibrate_line(numbers({3, 3, 3, 3}), numbers({1, 2, 3, 4}), {}, false);
+                   }),
+                   "same voltage"));
+  EXPECT_TRUE(says(refusal_of([] {
+                     calibrate_line(numbers({1, 2, 3}), numbers({1, 2}), {}, false);
+                   }),
+                   "one force for every voltage"));
+  const Error error = refusal_of([] {
     calibrate_line(numbers({1, NAN, 3, 4}), numbers({1, 2, 3, 4}), {}, false);
   });
   EXPECT_EQ(error.detail(), "row 1");
   EXPECT_TRUE(
-      has(refusal([] {
-            calibrate_line(numbers({1, 2, 3}), numbers({1, 2, 3}), numbers({1, 0, 1}), false);
-          }),
-          "must be above zero"));
+      says(refusal_of([] {
+             calibrate_line(numbers({1, 2, 3}), numbers({1, 2, 3}), numbers({1, 0, 1}), false);
+           }),
+           "must be above zero"));
 }
 
 TEST(StrainGauge, ForcesFollowTheThreeEquations) {
@@ -245,25 +235,25 @@ TEST(StrainGauge, RefusesWrongUnitsAndMissingChannels) {
     options.volts = "V";
     StrainGauge gauge = published_gauge();
     change(options, gauge);
-    return refusal([&] { apply_gauge(record, gauge, options); });
+    return refusal_of([&] { apply_gauge(record, gauge, options); });
   };
-  EXPECT_TRUE(has(with([](auto& o, auto&) { o.volts = "theta_2,old_x"; }), "in rad, not in V"));
-  EXPECT_TRUE(has(with([](auto& o, auto&) { o.volts = "V_x"; }), "two axes"));
-  EXPECT_TRUE(has(with([](auto& o, auto&) { o.volts = "U"; }), "U"));
-  EXPECT_TRUE(has(with([](auto& o, auto&) { o.angle = "V_x"; }), "in V, not in rad"));
-  EXPECT_TRUE(has(with([](auto& o, auto&) { o.lever_m = -0.1; }), "above zero"));
-  EXPECT_TRUE(has(with([](auto&, auto& g) { g.x.slope = 0.0; }), "slope that is not zero"));
-  EXPECT_TRUE(has(with([](auto& o, auto&) { o.name = "old"; }), "already has a channel old_x"));
-  EXPECT_TRUE(has(with([](auto& o, auto&) {
-                    o.zero = GaugeZero::kRest;
-                    o.rest_end = 900;
-                  }),
-                  "within the record"));
+  EXPECT_TRUE(says(with([](auto& o, auto&) { o.volts = "theta_2,old_x"; }), "in rad, not in V"));
+  EXPECT_TRUE(says(with([](auto& o, auto&) { o.volts = "V_x"; }), "two axes"));
+  EXPECT_TRUE(says(with([](auto& o, auto&) { o.volts = "U"; }), "U"));
+  EXPECT_TRUE(says(with([](auto& o, auto&) { o.angle = "V_x"; }), "in V, not in rad"));
+  EXPECT_TRUE(says(with([](auto& o, auto&) { o.lever_m = -0.1; }), "above zero"));
+  EXPECT_TRUE(says(with([](auto&, auto& g) { g.x.slope = 0.0; }), "slope that is not zero"));
+  EXPECT_TRUE(says(with([](auto& o, auto&) { o.name = "old"; }), "already has a channel old_x"));
+  EXPECT_TRUE(says(with([](auto& o, auto&) {
+                     o.zero = GaugeZero::kRest;
+                     o.rest_end = 900;
+                   }),
+                   "within the record"));
   Matrix values = some_volts().values();
   values(17, 1) = NAN;
   GaugeOptions options;
   options.volts = "V";
-  EXPECT_EQ(refusal([&] { apply_gauge(volts(values), published_gauge(), options); }).detail(),
+  EXPECT_EQ(refusal_of([&] { apply_gauge(volts(values), published_gauge(), options); }).detail(),
             "row 17");
 }
 

@@ -9,23 +9,13 @@
 
 #include "base/error.hpp"
 #include "made_robot.hpp"
+#include "refusal.hpp"
 
 namespace ulna {
 namespace {
 
-Error refusal(const std::function<void()>& call) {
-  try {
-    call();
-  } catch (const Error& error) {
-    return error;
-  }
-  ADD_FAILURE() << "nothing was refused";
-  return Error(Fault::kInternal, "", "");
-}
-
-bool has(const Error& error, const std::string& word) {
-  return std::string(error.what()).find(word) != std::string::npos;
-}
+using made::refusal_of;
+using made::says;
 
 // Away from the ends, where the filters' transient shows.
 double worst(const Matrix& a, const Matrix& b) {
@@ -169,11 +159,11 @@ TEST(VirtualSensor, ASingularPoseIsRefusedWithItsPlace) {
   made.duration_s = 10.0;
   made.centre = {1.5, 0.1};  // nearly stretched: theta_1 - theta_2 comes near 90 degrees
   const MadeLog log = make_robot_log(made);
-  const Error error = refusal([&] { sense_force(*log.record, CapstanRobot(), {}); });
+  const Error error = refusal_of([&] { sense_force(*log.record, CapstanRobot(), {}); });
   EXPECT_EQ(error.fault(), Fault::kData);
-  EXPECT_TRUE(has(error, "near a singular one"));
-  EXPECT_TRUE(has(error, "condition of the Jacobian"));
-  EXPECT_TRUE(has(error, "deg"));
+  EXPECT_TRUE(says(error, "near a singular one"));
+  EXPECT_TRUE(says(error, "condition of the Jacobian"));
+  EXPECT_TRUE(says(error, "deg"));
   ASSERT_EQ(error.detail().substr(0, 4), "row ");
   // It is the first such row: the pose there is as the message says.
   const Index row = std::stol(error.detail().substr(4));
@@ -203,33 +193,34 @@ TEST(VirtualSensor, RefusesWhatItCannotUse) {
   const auto with = [&](const std::function<void(VirtualSensorOptions&)>& change) {
     VirtualSensorOptions options;
     change(options);
-    return refusal([&] { sense_force(*log.record, robot, options); });
+    return refusal_of([&] { sense_force(*log.record, robot, options); });
   };
-  EXPECT_TRUE(has(with([](auto& o) { o.angle = "x"; }), "in m, not in rad"));
-  EXPECT_TRUE(has(with([](auto& o) { o.torque = "a"; }), "not in Nm"));
-  EXPECT_TRUE(has(with([](auto& o) { o.acceleration = "tau"; }), "not in m/s^2"));
-  EXPECT_TRUE(has(with([](auto& o) { o.angle = "nothing"; }), "nothing"));
-  EXPECT_TRUE(has(with([](auto& o) { o.angle = "theta_1"; }), "stands for 1 channels"));
-  EXPECT_TRUE(has(with([](auto& o) { o.torque_noise = -1.0; }), "at least 0"));
-  EXPECT_TRUE(has(with([](auto& o) { o.least_quality = 1.5; }), "between 0 and 1"));
-  EXPECT_TRUE(
-      has(with([](auto& o) { o.parameter_covariance = Matrix::Identity(3, 3); }), "must be 5 x 5"));
+  EXPECT_TRUE(says(with([](auto& o) { o.angle = "x"; }), "in m, not in rad"));
+  EXPECT_TRUE(says(with([](auto& o) { o.torque = "a"; }), "not in Nm"));
+  EXPECT_TRUE(says(with([](auto& o) { o.acceleration = "tau"; }), "not in m/s^2"));
+  EXPECT_TRUE(says(with([](auto& o) { o.angle = "nothing"; }), "nothing"));
+  EXPECT_TRUE(says(with([](auto& o) { o.angle = "theta_1"; }), "stands for 1 channels"));
+  EXPECT_TRUE(says(with([](auto& o) { o.torque_noise = -1.0; }), "at least 0"));
+  EXPECT_TRUE(says(with([](auto& o) { o.least_quality = 1.5; }), "between 0 and 1"));
+  EXPECT_TRUE(says(with([](auto& o) { o.parameter_covariance = Matrix::Identity(3, 3); }),
+                   "must be 5 x 5"));
   Record::Parts parts = log.record->parts();
   parts.values(700, 2) = NAN;
-  const Error error = refusal([&] { sense_force(Record::make(std::move(parts)), robot, {}); });
+  const Error error = refusal_of([&] { sense_force(Record::make(std::move(parts)), robot, {}); });
   EXPECT_EQ(error.detail(), "row 700");
   // Missing channels.
   Record::Parts few = log.record->parts();
   few.values.conservativeResize(Eigen::NoChange, 2);
   few.channels.resize(2);
-  EXPECT_TRUE(has(refusal([&] { sense_force(Record::make(std::move(few)), robot, {}); }), "tau"));
+  EXPECT_TRUE(
+      says(refusal_of([&] { sense_force(Record::make(std::move(few)), robot, {}); }), "tau"));
   // A trial that the smoother starts and stops in.
   MadeRobot brief;
   brief.duration_s = 1.0;
   const MadeLog second = make_robot_log(brief);
   VirtualSensorOptions slow;
   slow.prepare.lowpass_hz = 5.0;
-  EXPECT_TRUE(has(refusal([&] { sense_force(*second.record, robot, slow); }), "record longer"));
+  EXPECT_TRUE(says(refusal_of([&] { sense_force(*second.record, robot, slow); }), "record longer"));
 }
 
 }  // namespace

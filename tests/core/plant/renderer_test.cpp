@@ -17,9 +17,12 @@
 #include "plant/exo_plant.hpp"
 #include "plant/exo_scenery.hpp"
 #include "plant/soft_scenery.hpp"
+#include "refusal.hpp"
 
 namespace ulna {
 namespace {
+
+using made::expect_refusal;
 
 using engine::OffscreenContext;
 using engine::OffscreenKind;
@@ -76,17 +79,6 @@ Shot shoot(Renderer& renderer, const EngineRun& run, const std::vector<Shape>& s
 
 bool red(int r, int g, int b) { return r > 90 && r > 2 * g && r > 2 * b; }
 bool blue(int r, int g, int b) { return b > 90 && b > 2 * r && b > g + g / 3; }
-
-template <class Call>
-void expect_words(Fault fault, const std::string& words, const Call& call) {
-  try {
-    call();
-    ADD_FAILURE() << "nothing was thrown: " << words;
-  } catch (const Error& error) {
-    EXPECT_EQ(error.fault(), fault) << error.what();
-    EXPECT_NE(std::string(error.what()).find(words), std::string::npos) << error.what();
-  }
-}
 
 TEST(Renderer, ShowsABallWhereItIs) {
   SKIP_WITHOUT_OPENGL();
@@ -357,7 +349,7 @@ TEST(Renderer, WhatCannotBeSaysWhy) {
   const auto refused = [&](const std::string& words, const std::function<void(RenderOptions&)>& f) {
     RenderOptions options = small();
     f(options);
-    expect_words(Fault::kArgument, words, [&] { Renderer renderer(model, {}, options); });
+    expect_refusal([&] { Renderer renderer(model, {}, options); }, words);
   };
   refused("between 16 and 7680", [](RenderOptions& o) { o.width = 8; });
   refused("between 16 and 7680", [](RenderOptions& o) { o.height = 100000; });
@@ -371,35 +363,35 @@ TEST(Renderer, WhatCannotBeSaysWhy) {
   refused("three finite", [](RenderOptions& o) { o.camera.look_at[1] = 0.0; });
   Scenery lost;
   lost.shapes.push_back({"nobody", {}});
-  expect_words(Fault::kArgument, "there is no body 'nobody'",
-               [&] { Renderer renderer(model, lost, small()); });
+  expect_refusal([&] { Renderer renderer(model, lost, small()); }, "there is no body 'nobody'");
 
   Renderer renderer(model, {}, small());
   const ExoPlant other{ExoScene{}};
-  expect_words(Fault::kArgument, "another scene",
-               [&] { shoot(renderer, EngineRun(other.model())); });
+  expect_refusal([&] { shoot(renderer, EngineRun(other.model())); }, "another scene");
   Shape bad;
   bad.position[2] = kNaN;
-  expect_words(Fault::kArgument, "shape", [&] { shoot(renderer, EngineRun(model), {bad}); });
+  expect_refusal([&] { shoot(renderer, EngineRun(model), {bad}); }, "shape");
 }
 
 TEST(Renderer, WithoutOpenGlNamesThePackages) {
   const engine::OffscreenLibraries none{"libulna_no_egl.so", "libulna_no_osmesa.so"};
-  expect_words(Fault::kUnsupported, "libegl1 and libegl-mesa0",
-               [&] { OffscreenContext::open(OffscreenKind::kAny, none); });
-  expect_words(Fault::kUnsupported, "libosmesa6",
-               [&] { OffscreenContext::open(OffscreenKind::kAny, none); });
-  expect_words(Fault::kUnsupported, "libosmesa6",
-               [&] { OffscreenContext::open(OffscreenKind::kOsmesa, none); });
+  expect_refusal([&] { OffscreenContext::open(OffscreenKind::kAny, none); },
+                 "libegl1 and libegl-mesa0", Fault::kUnsupported);
+  expect_refusal([&] { OffscreenContext::open(OffscreenKind::kAny, none); }, "libosmesa6",
+                 Fault::kUnsupported);
+  expect_refusal([&] { OffscreenContext::open(OffscreenKind::kOsmesa, none); }, "libosmesa6",
+                 Fault::kUnsupported);
   // A library that is another one.
-  expect_words(Fault::kUnsupported, "has no egl", [&] {
-    OffscreenContext::open(OffscreenKind::kEgl, {"libm.so.6", ""});
-  });
+  expect_refusal(
+      [&] {
+        OffscreenContext::open(OffscreenKind::kEgl, {"libm.so.6", ""});
+      },
+      "has no egl", Fault::kUnsupported);
   const EngineModel model = EngineModel::from_text(kBall);
   RenderOptions options = small();
   options.libraries = none;
-  expect_words(Fault::kUnsupported, "everything else works without it",
-               [&] { Renderer renderer(model, {}, options); });
+  expect_refusal([&] { Renderer renderer(model, {}, options); }, "everything else works without it",
+                 Fault::kUnsupported);
   EngineRun run(model);
   run.step(10);
   EXPECT_NEAR(run.time(), 10 * model.timestep(), 1e-12);

@@ -11,9 +11,12 @@
 #include "base/error.hpp"
 #include "plant/arm_muscles.hpp"
 #include "plant/engine_mobilised.hpp"
+#include "refusal.hpp"
 
 namespace ulna::sim {
 namespace {
+
+using made::expect_refusal;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
@@ -58,17 +61,6 @@ double worst(const Record& record, const std::string& joint) {
   return (column(record, "tau_hum_" + joint) - column(record, "tau_muscle_" + joint))
       .cwiseAbs()
       .maxCoeff();
-}
-
-template <class Call>
-void expect_refusal(const Call& call, const std::string& words, Fault fault = Fault::kArgument) {
-  try {
-    call();
-    ADD_FAILURE() << "nothing was thrown: " << words;
-  } catch (const Error& error) {
-    EXPECT_EQ(error.fault(), fault) << error.what();
-    EXPECT_NE(std::string(error.what()).find(words), std::string::npos) << error.what();
-  }
 }
 
 // Reference movements

@@ -5,12 +5,14 @@
 
 #include <filesystem>
 #include <fstream>
-#include <functional>
 
 #include "base/error.hpp"
+#include "refusal.hpp"
 
 namespace ulna::vision {
 namespace {
+
+using made::expect_refusal;
 
 class Files : public testing::Test {
  protected:
@@ -44,16 +46,6 @@ Picture pattern(int width, int height, int shift) {
 
 PictureView view(const Picture& p) { return {p.rgb.data(), p.width, p.height}; }
 
-void expect_error(Fault fault, const std::string& words, const std::function<void()>& call) {
-  try {
-    call();
-    ADD_FAILURE() << "nothing was thrown: " << words;
-  } catch (const Error& error) {
-    EXPECT_EQ(error.fault(), fault) << error.what();
-    EXPECT_NE(std::string(error.what()).find(words), std::string::npos) << error.what();
-  }
-}
-
 TEST_F(Files, PngHoldsEveryBitInTheOrderOfItsColours) {
   for (const int width : {1, 7, 320}) {
     const Picture picture = pattern(width, 33, 5);
@@ -76,7 +68,7 @@ TEST_F(Files, FilmHasItsPicturesAndItsRate) {
   EXPECT_EQ(facts.width, 160);
   EXPECT_EQ(facts.height, 120);
   EXPECT_NEAR(facts.rate_hz, 25.0, 1e-6);
-  expect_error(Fault::kArgument, "closed", [&] { film.add(view(pattern(160, 120, 0))); });
+  expect_refusal([&] { film.add(view(pattern(160, 120, 0))); }, "closed");
 }
 
 TEST_F(Files, FilmThatIsLeftIsEnded) {
@@ -89,39 +81,40 @@ TEST_F(Files, FilmThatIsLeftIsEnded) {
 
 TEST_F(Files, WhatCannotBeSaysWhy) {
   const Picture picture = pattern(16, 16, 0);
-  expect_error(Fault::kArgument, "must end with .png",
-               [&] { write_png(path("a.jpg"), view(picture)); });
-  expect_error(Fault::kArgument, "between 1 and 16384", [&] {
-    write_png(path("a.png"), {picture.rgb.data(), 0, 16});
-  });
-  expect_error(Fault::kArgument, "no pixels", [&] { write_png(path("a.png"), {nullptr, 2, 2}); });
-  expect_error(Fault::kFile, "no folder", [&] { write_png(path("no/a.png"), view(picture)); });
-  expect_error(Fault::kFile, "no file", [&] { read_png(path("b.png")); });
+  expect_refusal([&] { write_png(path("a.jpg"), view(picture)); }, "must end with .png");
+  expect_refusal(
+      [&] {
+        write_png(path("a.png"), {picture.rgb.data(), 0, 16});
+      },
+      "between 1 and 16384");
+  expect_refusal([&] { write_png(path("a.png"), {nullptr, 2, 2}); }, "no pixels");
+  expect_refusal([&] { write_png(path("no/a.png"), view(picture)); }, "no folder", Fault::kFile);
+  expect_refusal([&] { read_png(path("b.png")); }, "no file", Fault::kFile);
   std::ofstream(path("c.png")) << "this is text";
-  expect_error(Fault::kFile, "no picture", [&] { read_png(path("c.png")); });
+  expect_refusal([&] { read_png(path("c.png")); }, "no picture", Fault::kFile);
   std::ofstream(path("c.mp4")) << "this is text";
-  expect_error(Fault::kFile, "no film", [&] { video_facts(path("c.mp4")); });
+  expect_refusal([&] { video_facts(path("c.mp4")); }, "no film", Fault::kFile);
   std::filesystem::create_directory(path("d.png"));
-  expect_error(Fault::kFile, "could not be written",
-               [&] { write_png(path("d.png"), view(picture)); });
+  expect_refusal([&] { write_png(path("d.png"), view(picture)); }, "could not be written",
+                 Fault::kFile);
 
-  expect_error(Fault::kArgument, ".mp4", [&] { VideoWriter film(path("a.avi"), 16, 16, 25); });
-  expect_error(Fault::kArgument, "even", [&] { VideoWriter film(path("a.mp4"), 17, 16, 25); });
-  expect_error(Fault::kArgument, "pictures a second",
-               [&] { VideoWriter film(path("a.mp4"), 16, 16, 0.0); });
-  expect_error(Fault::kFile, "no folder", [&] { VideoWriter film(path("no/a.mp4"), 16, 16, 25); });
+  expect_refusal([&] { VideoWriter film(path("a.avi"), 16, 16, 25); }, ".mp4");
+  expect_refusal([&] { VideoWriter film(path("a.mp4"), 17, 16, 25); }, "even");
+  expect_refusal([&] { VideoWriter film(path("a.mp4"), 16, 16, 0.0); }, "pictures a second");
+  expect_refusal([&] { VideoWriter film(path("no/a.mp4"), 16, 16, 25); }, "no folder",
+                 Fault::kFile);
   std::filesystem::create_directory(path("d.mp4"));
-  expect_error(Fault::kFile, "could not be opened",
-               [&] { VideoWriter film(path("d.mp4"), 16, 16, 25); });
+  expect_refusal([&] { VideoWriter film(path("d.mp4"), 16, 16, 25); }, "could not be opened",
+                 Fault::kFile);
   VideoWriter film(path("a.mp4"), 32, 32, 25);
-  expect_error(Fault::kArgument, "32 x 32", [&] { film.add(view(picture)); });
+  expect_refusal([&] { film.add(view(picture)); }, "32 x 32");
 }
 
 TEST_F(Files, WithoutTheirLibraryTheyNameThePackages) {
   use_codec_library(path("libulna_vision.so"));
   const Picture picture = pattern(16, 16, 0);
-  expect_error(Fault::kUnsupported, "libopencv-imgcodecs406",
-               [&] { write_png(path("a.png"), view(picture)); });
+  expect_refusal([&] { write_png(path("a.png"), view(picture)); }, "libopencv-imgcodecs406",
+                 Fault::kUnsupported);
   EXPECT_FALSE(std::filesystem::exists(path("a.png")));
   use_codec_library(ULNA_VISION_LIBRARY);
   write_png(path("a.png"), view(picture));
