@@ -253,7 +253,7 @@ def test_figures_take_axes_and_tell_what_they_show(study):
 
 def test_summary_and_repr_tell_the_answer(study):
     assert "right shoulder: -" in study.summary() and "as published" in study.summary()
-    assert "covered" in repr(study) and "3 subjects, 2 blocks" in repr(study)
+    assert "covered" in repr(study) and "3 subjects" in repr(study)
 
 
 def test_what_cannot_be_is_refused(tmp_path):
@@ -290,9 +290,11 @@ def test_the_command_writes_and_tells(study, tmp_path, monkeypatch, capsys):
     )
     assert asked["subjects"] == 4 and asked["seed"] == 3 and asked["protocol"].blocks == 2
     assert "report:" in capsys.readouterr().out
-    assert main(["study", "overhead", "--out", str(tmp_path / "two"), "--json", "--quiet"]) == 0
+    assert (
+        main(["study", "overhead", "--out", str(tmp_path / "two"), "--json", "--blocks", "5"]) == 0
+    )
     told = json.loads(capsys.readouterr().out)
-    assert asked["subjects"] == 12 and asked["protocol"] is None
+    assert asked["subjects"] == 12 and asked["protocol"] == Protocol()
     assert told["frames"] == study.coverage.frames
 
 

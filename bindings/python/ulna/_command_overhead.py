@@ -25,6 +25,11 @@ def add_to(verbs: Any) -> None:
     parser.add_argument(
         "--subjects", type=_people, default=None, metavar="N", help="people (default: 12)"
     )
+    parser.add_argument("--blocks", type=count, metavar="N", help="of a session (default: 5)")
+    parser.add_argument(
+        "--repetitions", type=count, metavar="N",
+        help="of each of the 8 movements in a block (default: 3)",
+    )  # fmt: skip
     parser.add_argument(
         "--quick", action="store_true", help="4 people, 2 short blocks: seconds instead of minutes"
     )
@@ -55,10 +60,11 @@ def _run(options: argparse.Namespace) -> int:
     require_matplotlib()
     folder = Path(options.out)
     check_folder(folder)
-    quick = options.quick
+    asked = {"blocks": options.blocks, "repetitions": options.repetitions}
+    short = {"blocks": 2, "repetitions": 1, "rest_s": 8.0, "still_s": 2.0} if options.quick else {}
     study = overhead_study(
-        subjects=options.subjects or (4 if quick else 12),
-        protocol=Protocol(blocks=2, repetitions=1, rest_s=8.0, still_s=2.0) if quick else None,
+        subjects=options.subjects or (4 if options.quick else 12),
+        protocol=Protocol(**short | {name: n for name, n in asked.items() if n is not None}),
         device=options.device,
         seed=options.seed,
         workers=options.workers or 0,

@@ -135,7 +135,8 @@ def _catalogue(study: OverheadStudy) -> Iterator[tuple[str, str, str, Any]]:
     yield (
         "coverage", "Can the intervals be trusted?",
         "Above: share of frames, over all sessions, in which the true torque lies inside its 95 % "
-        "interval. Below: the true errors and the standard deviations that were stated for them.",
+        "interval. Below: the true errors and the standard deviations that were stated for them (the toes "
+        "carry too little to be seen).",
         lambda: plot.interval_coverage(study),
     )  # fmt: skip
 

@@ -93,7 +93,7 @@ def effort_by_block(study: Any, axes: Any = None) -> np.ndarray:
         change.set(ylabel="change with the device (%)", title="Change, 95 %")
         change.set_ylim(min(-100.0, 110 * found.low.min()), max(10.0, 110 * found.high.max()))
         signed.axhline(0, color=INK, linewidth=0.7)
-        signed.set(ylabel="signed mean torque (N m)", title="As published")
+        signed.set(ylabel="signed mean torque (N m)", title="As published, signed")
         signed.margins(y=0.25)
         for place, reduction in zip(blocks, published.reduction, strict=True):
             signed.text(place, 0.99, f"{100 * reduction:.0f} %", fontsize=6.5, ha="center", va="top",
@@ -134,6 +134,8 @@ def interval_coverage(study: Any, axes: Any = None) -> np.ndarray:
                        markeredgewidth=1.8, label="stated")  # fmt: skip
         below.semilogy(place, found.posture_nm[order], "_", color=BLUE, markersize=6,
                        markeredgewidth=1.2, label="part of the posture")  # fmt: skip
+        # The toes carry less than a thousandth of a newton metre: below the axis, to show the others.
+        below.set_ylim(bottom=3e-3)
         below.set(ylabel="root mean square (N m)", title="Errors and stated standard deviations")
         below.legend(loc="lower right", ncols=3, bbox_to_anchor=(1, 1), borderaxespad=0.1)
         for ax in (top, below):

@@ -53,7 +53,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-SESSIONS = ("without", "with")
+_SESSION_BYTES = 2.2e9
 MEASURES = (
     "norm", "norm per kg", "mean absolute", "root mean square",
     *AREAS, *(f"{side} shoulder" for side in SIDES),
@@ -117,14 +117,15 @@ def overhead_study(
     seed : int
         Of people, movements and errors.
     workers : int
-        Sessions that are computed at once; 0: one a processor. The numbers do not depend on it.
+        Sessions that are computed at once; 0: one a processor, as far as the memory reaches (a session of
+        full length takes 2 GB). The numbers do not depend on it.
     progress : bool or function of (done, all)
 
     Examples
     --------
     >>> short = Protocol(blocks=1, repetitions=1, hold_s=0.4, cycle_s=2.4, still_s=1.0)
     >>> overhead_study(subjects=3, protocol=short)
-    <OverheadStudy: 3 subjects, 1 blocks, ...>
+    <OverheadStudy: 3 subjects, 7188 frames, ...>
     """
     setting = _setting(protocol, errors, device, seed)
     if subjects < 3:
@@ -134,7 +135,7 @@ def overhead_study(
     people = cohort(subjects, seed=seed)
     cells = [(person, worn) for person in people for worn in (False, True)]
     told = _teller(progress, len(cells))
-    pool = ThreadPoolExecutor(workers or os.cpu_count() or 1)
+    pool = ThreadPoolExecutor(workers or _workers())
     try:
         runs = [
             pool.submit(
@@ -156,6 +157,11 @@ def overhead_study(
         seed=seed,
         device="measured curves" if setting.table is not None else "a smooth curve",
     )
+
+
+def _workers() -> int:
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    return max(1, min(os.cpu_count() or 1, int(memory / _SESSION_BYTES)))
 
 
 def _setting(
@@ -376,8 +382,7 @@ class OverheadStudy:
         """What was found, as text."""
         chosen = ("norm", "mean absolute", "torso", "right arm", "right leg", "right shoulder")
         lines = [
-            f"{len(self.sessions)} subjects, {self.protocol.blocks} blocks, "
-            f"{self.coverage.frames} frames; effort in Nm, with the device against without",
+            f"{len(self.sessions)} subjects, {self.coverage.frames} frames; effort in Nm, with the device against without",
             *self.change(chosen).summary().splitlines()[1:],
             *(str(effect) for effect in self.anova().effects),
             "as published (signed mean): "
@@ -415,7 +420,7 @@ class OverheadStudy:
     def __repr__(self) -> str:
         norm = self.change(("norm",)).relative
         return (
-            f"<OverheadStudy: {len(self.sessions)} subjects, {self.protocol.blocks} blocks, effort "
+            f"<OverheadStudy: {len(self.sessions)} subjects, {self.coverage.frames} frames, effort "
             f"{100 * norm.value[0]:+.1f} % [{100 * norm.low[0]:.1f}, {100 * norm.high[0]:.1f}], "
             f"{100 * self.coverage.overall:.1f} % covered>"
         )
