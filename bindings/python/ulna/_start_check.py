@@ -273,7 +273,7 @@ def _exchanged(
 def _lacking(suite: SensorSuite, motion: Motion, y: Array) -> Array:
     from .torques import estimate_torques
 
-    return estimate_torques(suite, motion, y).residual
+    return estimate_torques(suite, motion, y, deviations=False).residual
 
 
 def _slope(r: Array, g: Array, deviation: Array) -> tuple[float, float]:
