@@ -7,7 +7,7 @@ import ulna
 from ulna.body import Link, Motion, body_from_links, human_body
 from ulna.motion import hinge_angles, rotation_matrices
 from ulna.posture import hinge_errors, joint_segments, posture_deviation, times_small
-from ulna.torques import SensorSuite, estimate_torques, suit_sensors
+from ulna.torques import BodySensor, SensorSuite, estimate_torques, suit_sensors
 
 NONE = np.array([1.0, 0.0, 0.0, 0.0])
 
@@ -118,6 +118,28 @@ def test_it_grows_with_the_error_and_is_drawn_as_lines_between_frames():
     half = posture_deviation(suite, moving, y, segment_rad=np.radians(0.5))
     # Linear but for the second order of a rotation of a degree.
     assert np.allclose(2 * half, full, rtol=0.03, atol=1e-4)
+
+
+def test_readings_that_follow_the_told_posture_follow_it():
+    """A force that is told to push along the told forearm turns with it."""
+    body = human_body(height_m=1.8, mass_kg=75)
+    sensors = [*suit_sensors(body),
+               BodySensor("push", "external_wrench", "RightForeArm", 0.1, frame="world_axes")]  # fmt: skip
+    suite = SensorSuite(body, sensors)
+    _, motion, y = standing()
+    forearm = body.links.index("RightForeArm")
+
+    def computed(told):
+        turn = rotation_matrices(body.poses(told)[:, forearm, 3:])
+        force = -30.0 * turn[:, :, 1]
+        return {"push": np.hstack([force, 0.0 * force])}
+
+    y = np.hstack([y, np.hstack(list(computed(motion).values()))])
+    by_hand = posture_deviation(suite, motion, y, computed=computed)
+    fixed = posture_deviation(suite, motion, y)
+    elbow = body.joints.index("jRightElbow_rotz")
+    # Along the forearm there is no moment about the elbow, however it is turned.
+    assert by_hand[0, elbow] < fixed[0, elbow]
 
 
 def test_missing_states_are_bridged_and_ends_stay_missing():

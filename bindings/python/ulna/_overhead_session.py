@@ -9,13 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ._capture_filter import half_window
+from ._capture_readings import wear
 from ._overhead_sensors import SHOE_POSITION_M, SensorErrors, Simulated, simulate
 from ._overhead_task import Protocol, Subject, task_of
 from .assist import ForceCurve, ForceTable, PassiveDevice
-from .body import Body, human_names
-from .capture import BodySetup, Contact, Imu, RecordedTorques, estimate, gather
+from .body import Body, Motion, human_names
+from .capture import BodySetup, CapturedFrames, Contact, Imu, RecordedTorques, estimate, gather
 from .effort import AREAS, effort, working_frames
 from .posture import posture_deviation
+from .signal import savgol_kernel
 from .torques import SensorSuite
 
 __all__ = ["BlockEffort", "SessionEffort", "Setting", "run_session"]
@@ -26,6 +29,8 @@ DEVICE_KG = 1.8
 SIDES = ("left", "right")
 # Postures change slowly: what their errors do is computed once a second.
 _POSTURE_S = 1.0
+# Of the pipeline, as by default.
+_WINDOW_S, _ORDER = 0.25, 4
 _95 = 1.959963984540054
 # Of the movement that is shown as a picture: from the start of the first block.
 _SHOWN_S = (14.4, 24.0)
@@ -174,24 +179,36 @@ def session_setup(body: Body, *, device: PassiveDevice | None = None) -> BodySet
     )
 
 
-def trusted(suite: SensorSuite, errors: SensorErrors) -> SensorSuite:
+def trusted(frames: CapturedFrames, errors: SensorErrors) -> SensorSuite:
     """Standard deviations of all rows from what is known of the sensors: their data sheets.
 
-    Bias and misplacement are as much an error of a frame as noise is. White noise is that behind the
-    filter of the pipeline, and small beside the rest.
+    Bias and misplacement are as much an error of a frame as noise is. Noise is that behind the filter of
+    the pipeline.
     """
+    suite = frames.suite
     half_weight = 0.5 * suite.body.mass_kg * suite.body.gravity_m_s2
     # A shoe is turned in the foot, and the foot is told with an error.
     tilt = np.radians(np.hypot(errors.shoe_tilt_deg, errors.segment_deg))
-    level, upright = np.hypot(errors.shoe_bias_n, half_weight * tilt), errors.shoe_bias_n + 0.3
+    level = np.hypot(errors.shoe_bias_n, half_weight * tilt)
     turned = np.hypot(errors.shoe_bias_nm, half_weight * errors.shoe_place_m)
-    shoe = (level, level, upright, turned, turned, errors.shoe_bias_nm + 0.1)
-    # Beside bias and noise what 1 cm of place does in a movement of 3 rad/s^2.
+    shoe = (level, level, errors.shoe_bias_n + 0.1, turned, turned, errors.shoe_bias_nm + 0.02)
+    window = 2 * half_window(_WINDOW_S, frames.rate_hz, _ORDER) + 1
+    gains = [
+        float(np.sqrt(np.sum(savgol_kernel(
+            window=window, order=_ORDER, derivative=derivative, rate_hz=frames.rate_hz
+        ) ** 2)))
+        for derivative in (0, 2)
+    ]  # fmt: skip
+    # What 1 cm of place does in a movement of 1.5 rad/s^2 comes beside bias and noise.
     imu = np.sqrt(
-        errors.imu_bias_m_s2**2 + errors.imu_noise_m_s2**2 + (3.0 * errors.imu_place_m) ** 2
+        errors.imu_bias_m_s2**2
+        + (gains[0] * errors.imu_noise_m_s2) ** 2
+        + (1.5 * errors.imu_place_m) ** 2
     )
+    # The filter itself is wrong by 0.1 rad/s^2 where a movement begins or ends.
+    turning = np.hypot(gains[1] * np.radians(errors.orientation_noise_deg), 0.1)
     arm, hip = _device_deviations(errors)
-    deviations = []
+    sensors = []
     for sensor in suite.sensors:
         if sensor.name.endswith("Shoe"):
             sensor = replace(sensor, deviation=shoe)
@@ -199,25 +216,24 @@ def trusted(suite: SensorSuite, errors: SensorErrors) -> SensorSuite:
             sensor = replace(sensor, deviation=hip if sensor.place == "Pelvis" else arm)
         elif sensor.name.startswith("imu "):
             sensor = replace(sensor, deviation=float(imu))
-        deviations.append(sensor)
-    return SensorSuite(suite.body, deviations, prior=suite.prior)
+        elif sensor.kind == "joint_acceleration":
+            sensor = replace(sensor, deviation=float(np.sqrt(2.0) * turning))
+        elif sensor.kind == "angular_acceleration":
+            sensor = replace(sensor, deviation=float(turning))
+        sensors.append(sensor)
+    return SensorSuite(suite.body, sensors, prior=suite.prior)
 
 
 def _device_deviations(errors: SensorErrors) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Of a device's wrench on an arm about the shoulder, and on the hip; world axes.
 
     With the arms ahead the force stands upright, 30 N a quarter of a metre ahead of the shoulder and
-    half a metre above the hip: its size is off by the curve, its direction by the told posture.
+    half a metre above the hip; its size is off by the curve. What the told posture does to its direction
+    is told with the posture's.
     """
-    size, turned = 30.0 * errors.device_share, 30.0 * np.radians(errors.segment_deg)
-    lean = np.hypot(0.3 * size, turned)
-    arm = (lean, turned, size, 0.05 * size + 0.02, 0.25 * size + 0.02, 0.25 * turned + 0.02)
-    both = np.sqrt(2.0)
-    hip = (
-        both * lean, both * turned, both * size,
-        both * np.hypot(0.25 * size, 0.5 * turned), both * np.hypot(0.25 * size, 0.5 * lean),
-        both * np.hypot(0.25 * turned, 0.25 * lean),
-    )  # fmt: skip
+    size = 30.0 * errors.device_share + 0.01
+    arm = np.array([0.3, 0.1, 1.0, 0.05, 0.25, 0.05]) * size
+    hip = np.sqrt(2.0) * np.array([0.3, 0.1, 1.0, 0.25, 0.3, 0.1]) * size
     return tuple(float(v) for v in arm), tuple(float(v) for v in hip)
 
 
@@ -231,15 +247,22 @@ def run_session(
     frames = gather(
         [made.suit, made.shoes], session_setup(made.body, device=device), clocks="shared"
     )
-    frames = replace(frames, suite=trusted(frames.suite, errors))
+    frames = replace(frames, suite=trusted(frames, errors))
     found = estimate(frames, variances="given", checks=False, threads=1)
     every = round(_POSTURE_S * protocol.rate_hz)
     turned = np.radians(
         np.sqrt(errors.segment_deg**2 + errors.wander_deg**2 + errors.orientation_noise_deg**2)
     )
+
+    def device_readings(motion: Motion) -> dict[str, Array]:
+        readings: dict[str, Array] = {}
+        wear(frames.setup, motion, [], readings)
+        return readings
+
     posture = posture_deviation(
-        frames.suite, frames.motion, frames.measured, segment_rad=turned, every=every, threads=1
-    )
+        frames.suite, frames.motion, frames.measured, segment_rad=turned, every=every,
+        computed=device_readings if with_device else None, threads=1,
+    )  # fmt: skip
     rows = np.rint(frames.time_s * protocol.rate_hz).astype(np.int64)
     torque, truth = found.torques.torque, made.torque_nm[rows]
     deviation = np.hypot(found.torques.torque_deviation, posture)

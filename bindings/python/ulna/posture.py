@@ -7,6 +7,8 @@ its sensors. To first order that error passes through the whole estimate, so its
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -31,6 +33,7 @@ def posture_deviation(
     *,
     segment_rad: float = np.radians(1.0),
     every: int = 1,
+    computed: Callable[[Motion], Mapping[str, Array]] | None = None,
     threads: int = 0,
 ) -> Array:
     """Standard deviation of every torque from errors of the told orientations of segments.
@@ -47,6 +50,9 @@ def posture_deviation(
         Standard deviation of the orientation of each segment, about each axis.
     every : int
         Compute every so many frames, with straight lines between: postures change slowly.
+    computed : function, optional
+        From a motion to readings by sensor: those that were not measured but follow from the told motion,
+        such as the wrenches of a passive device. They are computed again for every posture.
     threads : int
         0: one a processor.
 
@@ -80,7 +86,7 @@ def posture_deviation(
     if not known.size:
         return out
     chosen = np.unique(np.append(known[::every], known[-1]))
-    turns = _Turns(suite, segment_rad)
+    turns = _Turns(suite, segment_rad, computed)
     size = max(1, _BATCH // turns.count)
     found = np.concatenate(
         [
@@ -112,8 +118,13 @@ def _complete(motion: Motion, frames: int, body: Body) -> tuple[Array, Array, Ar
 class _Turns:
     """Segments that are turned, with the hinges above and below them and the rows they wear."""
 
-    def __init__(self, suite: SensorSuite, size_rad: float) -> None:
-        self.suite, self.size_rad = suite, size_rad
+    def __init__(
+        self,
+        suite: SensorSuite,
+        size_rad: float,
+        computed: Callable[[Motion], Mapping[str, Array]] | None,
+    ) -> None:
+        self.suite, self.size_rad, self.computed = suite, size_rad, computed
         body = suite.body
         joined = joint_segments(body)
         self.hinges = {name: k for k, name in enumerate(body.joints)}
@@ -158,6 +169,10 @@ class _Turns:
         motion = Motion(
             angle, rate, position_m=place, orientation=orientation, angular_velocity_rad_s=turning
         )
+        if self.computed is not None:
+            for sensor, values in self.computed(motion).items():
+                row = self.suite.row(sensor)
+                read[:, row : row + values.shape[1]] = values
         torque = estimate_torques(
             self.suite, motion, read, deviations=False, longest_gap=0, threads=threads
         ).torque.reshape(self.count, len(rows), -1)
