@@ -107,7 +107,10 @@ def test_the_same_run_gives_the_same_bits(plant):
 @pytest.mark.parametrize(
     ("soft", "words"),
     [
-        ({"strap_length_m": 0.05}, "strap is too short"),
+        ({"strap_length_m": 0.05}, "strap around the upper arm is too short"),
+        ({"strap_length_m": (0.5, 0.05)}, "strap around the forearm is too short"),
+        ({"shear": 0}, "shear .* positive"),
+        ({"shear": np.nan}, "stiffness against shear"),
         ({"shoulder_offset_m": (0.5, 0, 0)}, "offsets of shoulder and elbow"),
         ({"shoulder_offset_m": (np.nan, 0, 0)}, "offsets of shoulder and elbow"),
         ({"shoulder_offset_m": (1, 2)}, "shoulder_offset_m .* 3 numbers"),

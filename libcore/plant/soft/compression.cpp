@@ -64,36 +64,35 @@ class CompressionRig {
     const std::vector<Touch> found = touches();
     const Vector free = step_.free_rate(displacement_, rate_);
     const auto n = static_cast<Index>(found.size());
-    ContactProblem problem{.timestep = dt,
-                           .stiffness = Vector(n),
-                           .penetration = Vector(n),
-                           .approach = Matrix::Constant(n, 1, -1.0),
-                           .mobility = Matrix(n, n)};
-    std::vector<char> active(found.size());
+    ContactProblem& problem = law_.problem();
+    problem.timestep = dt;
+    problem.resize(n, 1);
+    problem.approach.setConstant(-1.0);
+    Eigen::Map<Matrix> mobility = problem.mobility.view();
     for (Index a = 0; a < n; ++a) {
       const Touch& t = found[static_cast<std::size_t>(a)];
       problem.stiffness[a] = options_.pad_stiffness * tissue_.mesh().area(t.element);
       problem.penetration[a] = t.depth + dt * t.slope * free[t.element];
-      active[static_cast<std::size_t>(a)] = t.depth > 0.0 ? 1 : 0;
+      problem.active[static_cast<std::size_t>(a)] = t.depth > 0.0 ? 1 : 0;
       for (Index b = 0; b < n; ++b) {
         const Touch& u = found[static_cast<std::size_t>(b)];
-        problem.mobility(a, b) = t.slope * u.slope * step_.compliance()(t.element, u.element);
+        mobility(a, b) = t.slope * u.slope * step_.compliance()(t.element, u.element);
       }
     }
-    ContactLaw law(std::move(problem), std::move(active));
+    law_.begin();
     const double mass = 2.0 * options_.plate_mass / dt;
     Vector speed(1);
     for (int i = 0; i < 50; ++i) {
       Vector bias = Vector::Zero(1);
       Matrix resistance = Matrix::Zero(1, 1);
-      law.condense(bias, resistance);
+      law_.condense(bias, resistance);
       speed[0] = (mass * speed_ - 2.0 * force + bias[0]) / (mass + resistance(0, 0));
-      if (!law.settle(speed)) break;
+      if (!law_.settle(speed)) break;
     }
     rate_ = free;
     for (Index a = 0; a < n; ++a) {
       const Touch& t = found[static_cast<std::size_t>(a)];
-      rate_.noalias() -= law.force()[a] * t.slope * step_.compliance().col(t.element);
+      rate_.noalias() -= law_.force()[a] * t.slope * step_.compliance().col(t.element);
     }
     displacement_ += dt * rate_;
     speed_ = speed[0];
@@ -112,6 +111,7 @@ class CompressionRig {
   const Tissue& tissue_;
   CompressionOptions options_;
   TissueStep step_;
+  ContactLaw law_;
   Vector displacement_;
   Vector rate_;
   double height_;

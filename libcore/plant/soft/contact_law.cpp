@@ -1,34 +1,48 @@
 #include "plant/soft/contact_law.hpp"
 
 #include <Eigen/Cholesky>
+#include <utility>
 
 namespace ulna {
 
-ContactLaw::ContactLaw(ContactProblem problem, std::vector<char> active)
-    : problem_(std::move(problem)), active_(std::move(active)) {
+void ContactProblem::resize(Index contacts, Index outer) {
+  stiffness.resize(contacts);
+  penetration.resize(contacts);
+  approach.resize(contacts, outer);
+  mobility.resize(contacts, contacts);
+  active.resize(static_cast<std::size_t>(contacts));
+}
+
+void ContactLaw::begin() {
   force_ = Vector::Zero(problem_.penetration.size());
   factor();
 }
 
 void ContactLaw::factor() {
   chosen_.clear();
-  for (std::size_t i = 0; i < active_.size(); ++i) {
-    if (active_[i] != 0) chosen_.push_back(static_cast<Index>(i));
+  for (std::size_t i = 0; i < problem_.active.size(); ++i) {
+    if (problem_.active[i] != 0) chosen_.push_back(static_cast<Index>(i));
   }
   const auto n = static_cast<Index>(chosen_.size());
   const Index outer = problem_.approach.cols();
-  Matrix system(n, n);
+  const Eigen::Map<const Matrix> mobility = std::as_const(problem_).mobility.view();
+  system_.resize(n, n);
+  Eigen::Map<Matrix> system = system_.view();
   Matrix right(n, outer + 1);
-  for (Index a = 0; a < n; ++a) {
-    const Index i = chosen_[static_cast<std::size_t>(a)];
-    for (Index b = 0; b < n; ++b) {
-      system(a, b) = problem_.timestep * problem_.mobility(i, chosen_[static_cast<std::size_t>(b)]);
+  // The factorisation reads the lower triangle and takes its place.
+  for (Index b = 0; b < n; ++b) {
+    const Index j = chosen_[static_cast<std::size_t>(b)];
+    for (Index a = b; a < n; ++a) {
+      system(a, b) = problem_.timestep * mobility(chosen_[static_cast<std::size_t>(a)], j);
     }
-    system(a, a) += 1.0 / problem_.stiffness[i];
-    right.row(a).head(outer) = problem_.approach.row(i);
-    right(a, outer) = problem_.penetration[i];
+    system(b, b) += 1.0 / problem_.stiffness[j];
+    right.row(b).head(outer) = problem_.approach.row(j);
+    right(b, outer) = problem_.penetration[j];
   }
-  if (n > 0) system.llt().solveInPlace(right);
+  if (n > 0) {
+    Eigen::Ref<Matrix> place(system);
+    Eigen::LLT<Eigen::Ref<Matrix>>(place).solveInPlace(right);
+  }
   inverse_approach_ = right.leftCols(outer);
   inverse_penetration_ = right.col(outer);
 }
@@ -50,16 +64,18 @@ bool ContactLaw::settle(const Vector& velocity) {
   for (std::size_t a = 0; a < chosen_.size(); ++a) {
     force_[chosen_[a]] = active_force[static_cast<Index>(a)];
   }
+  const Eigen::Map<const Matrix> mobility = std::as_const(problem_).mobility.view();
+  std::vector<char>& active = problem_.active;
   Vector after = problem_.penetration + dt * (problem_.approach * velocity);
   for (std::size_t a = 0; a < chosen_.size(); ++a) {
-    after.noalias() -= dt * force_[chosen_[a]] * problem_.mobility.col(chosen_[a]);
+    after.noalias() -= dt * force_[chosen_[a]] * mobility.col(chosen_[a]);
   }
   bool changed = false;
-  for (std::size_t i = 0; i < active_.size(); ++i) {
+  for (std::size_t i = 0; i < active.size(); ++i) {
     const auto k = static_cast<Index>(i);
-    const bool pushes = active_[i] != 0 ? force_[k] > 0.0 : after[k] > 0.0;
-    if (pushes == (active_[i] != 0)) continue;
-    active_[i] = pushes ? 1 : 0;
+    const bool pushes = active[i] != 0 ? force_[k] > 0.0 : after[k] > 0.0;
+    if (pushes == (active[i] != 0)) continue;
+    active[i] = pushes ? 1 : 0;
     changed = true;
   }
   if (changed) factor();

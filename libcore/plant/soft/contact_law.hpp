@@ -6,24 +6,27 @@
 
 #include <vector>
 
-#include "base/types.hpp"
+#include "plant/soft/growing_matrix.hpp"
 
 namespace ulna {
 
 struct ContactProblem {
   double timestep = 0.0;
-  Vector stiffness;    // of each pad, N/m
-  Vector penetration;  // at the end of the step without contact forces, the
-                       // outer bodies still, m
-  Matrix approach;     // contacts x outer velocities: d penetration / dt
-  Matrix mobility;     // contacts x contacts: -d (d penetration / dt) / d force,
-                       // m/(s N)
+  Vector stiffness;          // of each pad, N/m
+  Vector penetration;        // at the end of the step without contact forces, the
+                             // outer bodies still, m
+  Matrix approach;           // contacts x outer velocities: d penetration / dt
+  GrowingMatrix mobility;    // contacts x contacts: -d (d penetration / dt) / d force, m/(s N)
+  std::vector<char> active;  // which contacts to begin with
+
+  void resize(Index contacts, Index outer);  // what it held is lost
 };
 
 class ContactLaw {
  public:
-  // `active`: which contacts to begin with.
-  ContactLaw(ContactProblem problem, std::vector<char> active);
+  // To be written before begin(): the same storage serves every step.
+  ContactProblem& problem() { return problem_; }
+  void begin();
 
   // Force on the outer velocities: bias - resistance x velocity, with the
   // present active contacts; of the first `contacts` of them only where it is
@@ -35,14 +38,14 @@ class ContactLaw {
   bool settle(const Vector& velocity);
 
   const Vector& force() const { return force_; }
-  const std::vector<char>& active() const { return active_; }
+  const std::vector<char>& active() const { return problem_.active; }
 
  private:
   void factor();
 
   ContactProblem problem_;
-  std::vector<char> active_;
   std::vector<Index> chosen_;
+  GrowingMatrix system_;     // 1/k + dt mobility, of the active ones
   Matrix inverse_approach_;  // of the active ones: (1/k + dt mobility)^-1 approach
   Vector inverse_penetration_;
   Vector force_;

@@ -303,29 +303,27 @@ void InterfaceRun::write_problem() {
   const auto cuffs = static_cast<Index>(cuff_touches_.size());
   const auto straps = static_cast<Index>(strap_touches_.size());
   const Index n = cuffs + straps;
-  ContactProblem problem{.timestep = dt,
-                         .stiffness = Vector(n),
-                         .penetration = Vector(n),
-                         .approach = Matrix(n, 6),
-                         .mobility = Matrix(n, n)};
-  std::vector<char> active(static_cast<std::size_t>(n));
+  ContactProblem& problem = law_.problem();
+  problem.timestep = dt;
+  problem.resize(n, 6);
   tissue_response_.resize(mesh.size(), n);
+  Eigen::Map<Matrix> tissue_response = tissue_response_.view();
   for (Index k = 0; k < cuffs; ++k) {
     const CuffTouch& t = cuff_touches_[static_cast<std::size_t>(k)];
-    tissue_response_.col(k) = t.slope * step_->compliance().col(t.element);
+    tissue_response.col(k) = t.slope * step_->compliance().col(t.element);
     problem.stiffness[k] = o.pad_stiffness * mesh.area(t.element);
     problem.penetration[k] = t.depth + dt * t.slope * free_rate_[t.element];
     problem.approach.row(k) = row_of(t);
-    active[static_cast<std::size_t>(k)] = t.depth > 0.0 ? 1 : 0;
+    problem.active[static_cast<std::size_t>(k)] = t.depth > 0.0 ? 1 : 0;
   }
   for (Index k = 0; k < straps; ++k) {
     const StrapTouch& t = strap_touches_[static_cast<std::size_t>(k)];
     const Index c = cuffs + k;
-    tissue_response_.col(c).setZero();
+    tissue_response.col(c).setZero();
     double bulging = 0.0;
     for (Index a = 0; a < t.place.share.size(); ++a) {
       const int i = t.place.element[static_cast<std::size_t>(a)];
-      tissue_response_.col(c) += t.place.share[a] * step_->compliance().col(i);
+      tissue_response.col(c) += t.place.share[a] * step_->compliance().col(i);
       bulging += t.place.share[a] * free_rate_[i];
     }
     problem.stiffness[c] = o.pad_stiffness * model_->strap().area();
@@ -333,11 +331,12 @@ void InterfaceRun::write_problem() {
         t.depth + dt * (bulging - t.normal.dot(free_point_rate_.segment<3>(3 * t.point)));
     problem.approach.row(c) = row_of(t);
     problem.approach.row(c) -= t.normal.transpose() * point_follow_.middleRows<3>(3 * t.point);
-    active[static_cast<std::size_t>(c)] = t.depth > 0.0 ? 1 : 0;
+    problem.active[static_cast<std::size_t>(c)] = t.depth > 0.0 ? 1 : 0;
   }
+  Eigen::Map<Matrix> mobilities = problem.mobility.view();
   for (Index c = 0; c < n; ++c) {
-    const double* response = tissue_response_.col(c).data();
-    double* mobility = problem.mobility.col(c).data();
+    const double* response = tissue_response.col(c).data();
+    double* mobility = mobilities.col(c).data();
     for (Index k = 0; k < cuffs; ++k) {
       const CuffTouch& t = cuff_touches_[static_cast<std::size_t>(k)];
       mobility[k] = t.slope * response[t.element];
@@ -352,7 +351,7 @@ void InterfaceRun::write_problem() {
       mobility[cuffs + k] = sum;
     }
   }
-  law_.emplace(std::move(problem), std::move(active));
+  law_.begin();
 }
 
 void InterfaceRun::begin(const LimbPose& pose) {
@@ -366,7 +365,7 @@ void InterfaceRun::begin(const LimbPose& pose) {
 void InterfaceRun::condense(Wrench& bias, Matrix6& resistance) const {
   Vector b = friction_bias_;
   Matrix r = friction_resistance_;
-  law_->condense(b, r);
+  law_.condense(b, r);
   bias = b;
   resistance = r;
 }
@@ -374,11 +373,11 @@ void InterfaceRun::condense(Wrench& bias, Matrix6& resistance) const {
 Matrix6 InterfaceRun::cuff_resistance() const {
   Vector bias = Vector::Zero(6);
   Matrix resistance = cuff_friction_;
-  law_->condense(bias, resistance, static_cast<Index>(cuff_touches_.size()));
+  law_.condense(bias, resistance, static_cast<Index>(cuff_touches_.size()));
   return resistance;
 }
 
-bool InterfaceRun::settle(const Twist& twist) { return law_->settle(twist); }
+bool InterfaceRun::settle(const Twist& twist) { return law_.settle(twist); }
 
 void InterfaceRun::finish(const Twist& twist) {
   const TissueMesh& mesh = model_->tissue().mesh();
@@ -388,7 +387,7 @@ void InterfaceRun::finish(const Twist& twist) {
   Matrix6 resistance;
   condense(bias, resistance);
   wrench_ = bias - resistance * twist;
-  const Vector& force = law_->force();
+  const Vector& force = law_.force();
   const auto cuffs = static_cast<Index>(cuff_touches_.size());
   cuff_report_ = strap_report_ = {};
   Vector3 slid = Vector3::Zero();
@@ -437,7 +436,8 @@ void InterfaceRun::finish(const Twist& twist) {
   }
   if (cuff_report_.normal_force > 0.0) sliding_ += slid / cuff_report_.normal_force;
   strap_report_.wrench = wrench_ - cuff_report_.wrench;
-  rate_ = free_rate_ - tissue_response_ * force;
+  rate_ = free_rate_;
+  rate_.noalias() -= std::as_const(tissue_response_).view() * force;
   point_rate_ = free_point_rate_ + point_follow_ * twist +
                 point_response_ * force.tail(static_cast<Index>(strap_touches_.size()));
   for (const StrapTouch& t : strap_touches_) {

@@ -10,7 +10,6 @@
 #pragma once
 
 #include <memory>
-#include <optional>
 
 #include "plant/soft/contact_law.hpp"
 #include "plant/soft/cuff.hpp"
@@ -194,14 +193,14 @@ class InterfaceRun {
   std::vector<CuffTouch> cuff_touches_;
   std::vector<StrapTouch> strap_touches_;
   Vector free_rate_, free_point_rate_;
-  Matrix point_response_;   // moving points x contacts of the strap: velocity for
-                            // forces
-  Matrix point_follow_;     // moving points x 6: velocity for the limb's, by friction
-  Matrix tissue_response_;  // elements x contacts
+  Matrix point_response_;          // moving points x contacts of the strap: velocity for
+                                   // forces
+  Matrix point_follow_;            // moving points x 6: velocity for the limb's, by friction
+  GrowingMatrix tissue_response_;  // elements x contacts
   Wrench friction_bias_;
   Matrix6 friction_resistance_;
   Matrix6 cuff_friction_;  // part of it
-  std::optional<ContactLaw> law_;
+  ContactLaw law_;
   Wrench wrench_ = Wrench::Zero();
   ContactReport cuff_report_, strap_report_;
   double tension_ = 0.0;
