@@ -15,27 +15,28 @@ void note() noexcept {
 }
 }  // namespace
 
-// The C library's own names of its allocator. Those of a program stand before those of every
-// library that it loads.
+// The C library's own names of its allocator. Those that a program shows stand before those of
+// every library that it loads.
+#define ULNA_SHOWN __attribute__((visibility("default")))
 extern "C" {
 void* __libc_malloc(std::size_t size);                           // NOLINT
 void* __libc_calloc(std::size_t items, std::size_t size);        // NOLINT
 void* __libc_realloc(void* old, std::size_t size);               // NOLINT
 void* __libc_memalign(std::size_t alignment, std::size_t size);  // NOLINT
 
-void* malloc(std::size_t size) {
+ULNA_SHOWN void* malloc(std::size_t size) {
   note();
   return __libc_malloc(size);
 }
-void* calloc(std::size_t items, std::size_t size) {
+ULNA_SHOWN void* calloc(std::size_t items, std::size_t size) {
   note();
   return __libc_calloc(items, size);
 }
-void* realloc(void* old, std::size_t size) {
+ULNA_SHOWN void* realloc(void* old, std::size_t size) {
   note();
   return __libc_realloc(old, size);
 }
-void* aligned_alloc(std::size_t alignment, std::size_t size) {
+ULNA_SHOWN void* aligned_alloc(std::size_t alignment, std::size_t size) {
   note();
   return __libc_memalign(alignment, size);
 }
