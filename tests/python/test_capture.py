@@ -18,6 +18,7 @@ from ulna.capture import (
     Contact,
     Deviations,
     Imu,
+    Touch,
     estimate,
     gather,
     read_setup,
@@ -333,6 +334,23 @@ def test_a_sensor_that_lies_gets_a_variance_of_its_own(capture, setup):
     assert (np.abs(off) < 1.96 * spread).mean() > 0.93
 
 
+def test_what_nobody_measures_is_said(capture, setup):
+    suit_only = recorded_torques(capture.suit, BodySetup(capture.body, imus=()), variances="given")
+    assert "no_contact" in codes(suit_only, severity="error")
+    hands = ("RightHand", "LeftHand")
+    for force_only in (True, False):
+        touches = [Touch(hand, force_only=force_only) for hand in hands]
+        frames = gather([capture.suit, capture.shoes],
+                        BodySetup(capture.body, imus=setup.imus, touches=touches), clocks="shared")  # fmt: skip
+        found = estimate(frames.select(slice(0, 60)), variances="given")
+        # Two forces leave one combination open, which runs along the line between the hands.
+        words = [f.message for f in found.findings if f.code == "not_determined"]
+        assert words and "touch RightHand, touch LeftHand" in words[0]
+    one = BodySetup(capture.body, imus=setup.imus, touches=[Touch("RightHand")])
+    frames = gather([capture.suit, capture.shoes], one, clocks="shared").select(slice(0, 60))
+    assert "not_determined" not in codes(estimate(frames, variances="given"))
+
+
 # Refusals -------------------------------------------------------------------------------------------
 
 
@@ -443,11 +461,12 @@ def test_a_toml_file_describes_person_tool_sensors_and_device(tmp_path):
         '[[imu]]\nlink = "T8"\nposition_m = [0, 0, 0.1]\nrpy_rad = [0, 0, 1.5]\n'
         '[device]\ntable = "support.csv"\nsubject = 1\nmass_kg = 1.8\n'
         "[deviations]\nimu_m_s2 = 0.2\n"
+        '[[touch]]\nlink = "LeftHand"\n'
     )
     found = read_setup(path)
     assert found.body.mass_kg == pytest.approx(75.66)
     assert found.contacts[0].sign == -1 and found.imus[0].link == "T8"
-    assert found.device.mass_kg == 1.8 and found.deviations.imu_m_s2 == 0.2
+    assert found.touches[0].force_only and found.device.mass_kg == 1.8 and found.deviations.imu_m_s2 == 0.2
 
 
 @pytest.mark.parametrize(

@@ -33,6 +33,22 @@ _FIT_STEPS = 30
 _FIT_FRAMES = 300
 
 
+def look_at_unknowns(frames: CapturedFrames) -> list[Finding]:
+    """What the sensors cannot tell at all, at a frame in which most of them read."""
+    if not frames.contacts and not frames.setup.touches:
+        words = (
+            f"no contact is measured, so that nothing carries the {frames.setup.body.mass_kg:.4g} kg: "
+            "torques between the base and the ground are wrong"
+        )
+        return [Finding("error", "no_contact", "", 0, 0, words)]
+    best = int(np.argmax(np.isfinite(frames.measured).sum(axis=1)))
+    one = frames.select(slice(best, best + 1))
+    told = frames.suite.identifiability(one.motion, one.measured)
+    if told.complete:
+        return []
+    return [Finding("warning", "not_determined", "", best, 1, " ".join(told.summary().split()))]
+
+
 def look_at_contacts(frames: CapturedFrames) -> tuple[StartCheck | None, list[Finding]]:
     """The check of contacts against the model; none where no frame has all of them."""
     if not frames.contacts:

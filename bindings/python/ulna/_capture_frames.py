@@ -20,6 +20,7 @@ from ._capture_readings import (
     imu_reading,
     mount_of,
     placed,
+    touching,
     wear,
 )
 from .body import Body, Motion
@@ -90,6 +91,7 @@ def gather(
             f"the motion does not tell how {', '.join(unplaced)} sit: at the centre of mass of their "
             "links, with axes as gravity shows them; record a calibration motion"
         )
+    sensors += touching(setup)
     device = wear(setup, frames.motion, sensors, readings)
     suite = SensorSuite(setup.body, sensors)
     return CapturedFrames(

@@ -180,6 +180,15 @@ def contact_sensor(contact: Contact, setup: BodySetup) -> BodySensor:
     )  # fmt: skip
 
 
+def touching(setup: BodySetup) -> list[BodySensor]:
+    """Contacts that nobody measures."""
+    return [
+        BodySensor(f"touch {touch.link}", "free_force" if touch.force_only else "free_wrench",
+                   touch.link, position_m=touch.position_m)
+        for touch in setup.touches
+    ]  # fmt: skip
+
+
 # Inertial sensors -----------------------------------------------------------------------------------
 
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 # Table -> keys that it may have.
 _KEYS: Mapping[str, set[str]] = {
-    "": {"body", "attach", "contact", "imu", "device", "deviations"},
+    "": {"body", "attach", "contact", "imu", "touch", "device", "deviations"},
     "body": {
         "height_m", "mass_kg", "lengths_m", "suit", "spherical", "published_masses", "file",
     },
@@ -35,6 +35,7 @@ _KEYS: Mapping[str, set[str]] = {
         "name", "link", "channels", "position_m", "rpy_rad", "frame", "sign", "force_n", "moment_nm",
     },
     "imu": {"name", "link", "channels", "position_m", "rpy_rad"},
+    "touch": {"link", "position_m", "force_only"},
     "device": {"table", "subject", "scale", "mass_kg", "attachment"},
     "deviations": {
         "imu_m_s2", "joint_rad_s2", "base_m_s2", "base_rad_s2", "force_n", "moment_nm", "device_n",
@@ -91,7 +92,7 @@ def _from_json(path: Path) -> BodySetup:
 
 
 def _from_toml(path: Path) -> BodySetup:
-    from .capture import BodySetup, Contact, Deviations, Imu
+    from .capture import BodySetup, Contact, Deviations, Imu, Touch
 
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -129,6 +130,7 @@ def _from_toml(path: Path) -> BodySetup:
         return BodySetup(
             body, contacts or None, imus or None, _device(content.get("device"), path),
             Deviations(**content.get("deviations", {})), path.name,
+            [Touch(**entry) for entry in content.get("touch", [])],
         )  # fmt: skip
     except (FileError, FormatError):
         raise
@@ -161,7 +163,7 @@ def _check_keys(content: Mapping[str, Any], name: str) -> None:
 
     check(content, "")
     for kind, tables in content.items():
-        several = kind in ("attach", "contact", "imu")
+        several = kind in ("attach", "contact", "imu", "touch")
         if several and not isinstance(tables, list):
             raise FormatError(
                 f"{kind} of {name} must be a list of tables, [[{kind}]]", status="ULNA_ERROR_FORMAT"

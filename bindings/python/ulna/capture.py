@@ -22,6 +22,7 @@ from ._capture_checks import (
     look_at_imus,
     look_at_sensors,
     look_at_soles,
+    look_at_unknowns,
 )
 from ._capture_frames import gather
 from ._capture_readings import arms
@@ -47,6 +48,7 @@ __all__ = [
     "Deviations",
     "Imu",
     "RecordedTorques",
+    "Touch",
     "estimate",
     "gather",
     "read_setup",
@@ -117,6 +119,25 @@ class Imu:
 
 
 @dataclass(frozen=True)
+class Touch:
+    """Something that touches a link and is not measured, such as a wall under a hand.
+
+    Attributes
+    ----------
+    link : str
+    position_m : (3,) array
+        Where, in the link.
+    force_only : bool
+        A force at this place without a moment. Two hands with a moment each cannot be told apart by
+        the six equations of balance.
+    """
+
+    link: str
+    position_m: ArrayLike = (0.0, 0.0, 0.0)
+    force_only: bool = True
+
+
+@dataclass(frozen=True)
 class Deviations:
     """Standard deviations of the filtered readings, before the data are asked.
 
@@ -152,6 +173,8 @@ class BodySetup:
     deviations : Deviations
     source : str
         The file.
+    touches : tuple of Touch
+        What else touches the person.
     """
 
     body: Body
@@ -160,11 +183,12 @@ class BodySetup:
     device: PassiveDevice | None = None
     deviations: Deviations = field(default_factory=Deviations)
     source: str = ""
+    touches: Sequence[Touch] = ()
 
     def __post_init__(self) -> None:
-        for one in (*(self.contacts or ()), *(self.imus or ())):
+        for one in (*(self.contacts or ()), *(self.imus or ()), *self.touches):
             if one.link not in self.body.links:
-                what = one.name or "a sensor"
+                what = getattr(one, "name", "") or type(one).__name__
                 raise refuse(
                     f"{what!r} is on the link {one.link!r}, which the body has not", "link"
                 )
@@ -361,6 +385,7 @@ def estimate(
     findings = list(frames.findings)
     start = None
     if checks:
+        findings += look_at_unknowns(some)
         start, found = look_at_contacts(some)
         findings += found + look_at_soles(some) + look_at_imus(some)
         if variances == "given":
