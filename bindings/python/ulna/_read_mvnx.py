@@ -159,10 +159,12 @@ def read(
             for part in parts
         ]
         columns += named_columns(labels, table, units=[unit] * width, frame=frame)
+    time_s = _clock(frames, suit.frame_rate_hz, name)
+    del frames  # the library's copy of all numbers
     return record_of(
         columns,
         name=name,
-        time_s=_clock(frames, suit.frame_rate_hz, name),
+        time_s=time_s,
         rules=rules,
         progress=progress,
     )
