@@ -282,6 +282,20 @@ def test_dropped_frames_are_bridged_with_wider_intervals(capture, setup):
     assert np.nanmedian(spread) > 1.02 * np.median(before)
 
 
+def test_a_long_gap_of_the_motion_has_no_torques(capture, setup):
+    def lose(channels, time):
+        for joint in capture.body.joints:
+            channels[joint][(time > 5) & (time < 6)] = np.nan
+
+    found = run(capture, setup, suit=changed(capture.suit, lose), variances="given", checks=False)
+    inside = (found.time_s > 5.02) & (found.time_s < 5.98)
+    assert np.isnan(found.torques.torque[inside]).all() and found.torques.unusable >= inside.sum()
+    off, spread = errors(found, capture)
+    known = np.isfinite(off).all(axis=1)
+    assert (np.abs(off[known]) < 4 * spread[known] + 0.5).all()
+    assert np.isfinite(off[(found.time_s < 4.9) | (found.time_s > 6.1)]).all()
+
+
 def test_a_gap_becomes_no_zero(capture, setup):
     def lose(channels, time):
         rows = (time > 5) & (time < 6)

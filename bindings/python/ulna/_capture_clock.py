@@ -34,7 +34,6 @@ class Clock:
 
     fits: dict[str, ClockFit] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
-    sampled: bool = True
 
     @classmethod
     def shared(cls) -> Clock:

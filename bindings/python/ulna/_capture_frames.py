@@ -55,7 +55,6 @@ def gather(
     from .capture import CapturedFrames
 
     setup = setup_of(body)
-
     if clocks not in ("fit", "shared"):
         raise refuse(f"clocks is {clocks!r}: it must be 'fit' or 'shared'", "clocks")
     if not (np.isfinite(window_s) and window_s > 0):
@@ -248,10 +247,10 @@ class State:
                 f"{item.label} holds no orientation of the link {self.body.links[0]}: it is taken to "
                 "stand still"
             )
-        self.loss = np.where(far, 1.0, loss)
-        # Accelerations that two or three samples decide would be trusted too far.
-        doubtful = loss > MOST_LOSS
-        self.acceleration = np.where(doubtful[:, None], np.nan, state[2])
+        # Accelerations that few samples decide would be trusted too far: they are missing.
+        self._doubtful = ~(loss <= MOST_LOSS)
+        self.loss = np.where(self._doubtful, 1.0, loss)
+        self.acceleration = np.where(self._doubtful[:, None], np.nan, state[2])
         self.motion = Motion(state[0], state[1], state[2], **base)
 
     def sensors(self, deviations: Any) -> tuple[list[BodySensor], dict[str, Array], Array]:
@@ -263,7 +262,7 @@ class State:
 
         def add(name: str, kind: str, deviation: float, values: Array) -> None:
             sensors.append(BodySensor(name, kind, base, deviation, frame="world_axes"))
-            readings[name] = np.where((self.loss > MOST_LOSS)[:, None], np.nan, values)
+            readings[name] = np.where(self._doubtful[:, None], np.nan, values)
 
         if not self.moves:
             upward = np.array([0.0, 0.0, self.body.gravity_m_s2])
@@ -277,7 +276,7 @@ class State:
         for column, joint in enumerate(self.body.joints):
             sensors.append(BodySensor(joint, "joint_acceleration", joint, deviations.joint_rad_s2))
             readings[joint] = self.acceleration[:, column]
-        return sensors, readings, np.where(self.loss > MOST_LOSS, 1.0, self.loss)
+        return sensors, readings, self.loss
 
 
 def _motion_item(items: Sequence[Item], body: Body) -> tuple[Item, Array, list[int] | None]:

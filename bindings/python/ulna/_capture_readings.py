@@ -74,8 +74,8 @@ class Readings:
     ) -> tuple[Array, Array]:
         """The same of values on the item's grid."""
         dead = _stopped(values, item.rate_hz, force)
-        if dead.any() and any(name.endswith(f.channel) for f in self.findings if f.channel):
-            values = np.where(dead[:, None], np.nan, values)  # the gyroscope of a dead sensor
+        if dead.any() and any(name == _gyroscope_of(f.channel) for f in self.findings):
+            values = np.where(dead[:, None], np.nan, values)  # the sensor was named already
         elif dead.any():
             share = 100 * dead.mean()
             when = "all the time" if dead.all() else f"for {share:.3g} % of the time"
@@ -91,7 +91,7 @@ class Readings:
             if missing > _WORTH_SAYING and not told:
                 self._missing.setdefault(item.label, []).append((missing, name))
         at = self.clock.own_time(item, self.frames.time_s)
-        if self.frames.as_given and item is self.frames.item and self.clock.sampled:
+        if self.frames.as_given and item is self.frames.item:
             first = int(np.rint((self.frames.time_s[0] - item.start_s) * item.rate_hz))
             return values[first : first + len(at)], np.ones(len(at))
         found = smooth(item.start_s, item.rate_hz, values, at, **self.window, derivatives=0)
@@ -99,6 +99,10 @@ class Readings:
         lost = worst(found.loss)
         out[lost > MOST_LOSS] = np.nan
         return out, np.where(lost > MOST_LOSS, 1.0, lost)
+
+
+def _gyroscope_of(sensor: str) -> str:
+    return f"gyroscope of {sensor}"
 
 
 def _stopped(values: Array, rate_hz: float, force: bool) -> NDArray[np.bool_]:
@@ -172,6 +176,7 @@ def _plate(item: Item, columns: list[int], name: str, body: Body) -> Contact:
 
 
 def contact_sensor(contact: Contact, setup: BodySetup) -> BodySensor:
+    """What a shoe or a plate measures."""
     size = setup.deviations
     own = (contact.force_n or size.force_n, contact.moment_nm or size.moment_nm)
     return BodySensor(
@@ -255,7 +260,7 @@ def imu_reading(
         gyroscope = item.gyroscope(prefixes)
         turn_rate = None
         if gyroscope is not None:
-            turn_rate, _ = taken.of(item, gyroscope, f"gyroscope of {name}")
+            turn_rate, _ = taken.of(item, gyroscope, _gyroscope_of(name))
         return ImuReading(values, turn_rate, loss)
     raise DataError(
         f"no recording has the acceleration of {name!r}: channels such as "
