@@ -599,5 +599,25 @@ def test_pictures_pages_and_reports_are_written(short, tmp_path):
         assert "Standing" in page.read_text("utf-8")
 
 
+def test_the_page_of_a_capture_opens_without_a_network(short, tmp_path):
+    from browser import Browser, chromium
+
+    from ulna._body_page import three_files
+
+    try:
+        three_files()
+    except FileNotFoundError as missing:
+        pytest.skip(str(missing))
+    if chromium() is None:
+        pytest.skip("there is no Chromium on this machine")
+    page = short.page(tmp_path / "body.html", beside=short, names=("one", "two"), rate_hz=10)
+    with Browser(chromium(), width=800, height=600) as browser:
+        browser.open(page)
+        browser.until("ulna.ready()")
+        assert browser.errors == []
+        assert all(address.startswith("file:") for address in browser.requests)
+        assert browser.run("document.body.innerText.includes('joint torque (N m)')")
+
+
 def test_sensors_are_those_of_the_suit():
     assert set(IMUS) <= set(person().links)

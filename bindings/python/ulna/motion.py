@@ -556,7 +556,8 @@ def identify_mount(
     """Axes and place of a sensor on its segment, from a calibration motion.
 
     The angular velocity of the segment and the gyroscope's are one vector in two frames, which gives the
-    rotation between them; then a_sensor - a_segment = alpha x r + omega x (omega x r) gives the place.
+    rotation between them; then a_sensor - a_segment = alpha x r + omega x (omega x r) gives the place,
+    omega and alpha from the gyroscope.
     The segment must turn about at least two axes.
 
     Parameters

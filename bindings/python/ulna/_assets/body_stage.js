@@ -55,6 +55,13 @@ function build(scene) {
       emissiveIntensity: 0.15});
     arrow.shaft = new THREE.Mesh(new THREE.CylinderBufferGeometry(0.010, 0.010, 1, 16), paint);
     arrow.head = new THREE.Mesh(new THREE.ConeBufferGeometry(0.026, 0.07, 20), paint);
+    // The push of the ground runs up inside of the leg: it shines through as well.
+    var glow = new THREE.MeshBasicMaterial({color: data.force, transparent: true, opacity: 0.6,
+      depthTest: false, depthWrite: false});
+    [arrow.shaft, arrow.head].forEach(function (part) {
+      part.add(new THREE.Mesh(part.geometry, glow));
+      part.children[0].renderOrder = 1;
+    });
     arrow.add(arrow.shaft, arrow.head);
     world.stage.add(arrow);
     world.arrows.push(arrow);
