@@ -266,8 +266,8 @@ def _published_table(study: OverheadStudy) -> str:
                 f"{_percent(one.value[b])} [{_percent(one.low[b])}, {_percent(one.high[b])}]"
             )
         rows.append(cells)
-    head = ["block", "signed mean without", "with (N m)", "“reduction”", "change of the norm",
-            "of the mean absolute torque"]  # fmt: skip
+    head = ["block", "signed mean, without", "with (N m)", "“reduction”", "change of norm",
+            "of mean absolute"]  # fmt: skip
     return table(head, rows, dense=True)
 
 
