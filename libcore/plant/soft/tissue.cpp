@@ -34,7 +34,7 @@ double ellipsoid_surface(const Vector3& axes) {
 // to 0.12 m and forearms of 0.08 to 0.14 m have the same modulus within 10 %.
 double slant_stiffening(const Vector3& axes) {
   const double slender = 2.0 * axes.x() / (axes.y() + axes.z());
-  return 1.0 + 0.143 * std::pow(slender, 2.15);
+  return 1.0 + 0.1306 * std::pow(slender, 2.2);
 }
 
 }  // namespace
