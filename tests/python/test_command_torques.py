@@ -137,6 +137,26 @@ def test_gaps_are_bridged_and_said(folder, capsys):
     assert found["without_state"] == 0
 
 
+def test_a_long_gap_leaves_its_frames_without_torques(folder, capsys):
+    spoiled(folder, lambda rows: rows[40:80, 1:].fill(np.nan))
+    assert run(folder, "--out", str(folder / "out"), "--json") == 0
+    found = json.loads(capsys.readouterr().out)
+    assert 30 < found["without_state"] < 50
+    assert np.isfinite(found["joints"][0]["rms_nm"]) and found["balance_rms"]["Fz"] < 5
+    lines = (folder / "out" / "torques.csv").read_text().splitlines()
+    assert sum(line.split(",")[1] == "" for line in lines) == found["without_state"]
+
+
+def test_a_dead_plate_is_said_in_a_report_of_its_own(folder, capsys):
+    def die(rows):
+        rows[:, 2:] = rows[0, 2:]
+
+    spoiled(folder, die)
+    assert run(folder, "--out", str(folder / "out")) == 0
+    assert "plate in log.csv repeats one reading all the time" in capsys.readouterr().out
+    assert "Do not use" in (folder / "out" / "report.html").read_text("utf-8")
+
+
 def test_a_wrong_unit_of_the_forces_is_said(folder, capsys):
     spoiled(folder, lambda rows: rows[:, 2:].__imul__(1e-3))
     assert run(folder) == 0

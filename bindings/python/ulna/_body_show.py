@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ._body_scene import BodyForce, BodyLink, BodyScene, z_onto
 from ._capture_checks import pressure_in_link
+from ._capture_motion import poses_of
 from ._start_check import in_world
 from .body import Link
 from .motion import quaternions
@@ -37,7 +38,7 @@ def scene_of(
     some = frames.select(slice(None, None, step))
     links = found.body.describe()
     shown = [k for k, link in enumerate(links) if link.mass_kg > 0]
-    poses = found.body.poses(some.motion)
+    poses = poses_of(found.body, some.motion)
     torque, spread = (
         part[::step] for part in (found.torques.torque, found.torques.torque_deviation)
     )

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ._call import AnalysisError
 from ._capture_channels import Item
+from ._capture_motion import felt_at, lift_of
 from .body import Motion
 from .clocks import ClockFit, fit_clocks
 from .record import refuse
@@ -99,13 +100,12 @@ def _witness(item: Item, reference: Item, setup: BodySetup, motion: Motion) -> t
     contacts = [found for found in find_contacts([reference, item], setup, all_of=False)
                 if found[1] is item]  # fmt: skip
     if contacts:
-        lift = body.centroid(motion).momentum_rate[:, 2] + body.mass_kg * body.gravity_m_s2
         vertical = [contact.sign * item.values[:, columns[2]] for contact, _, columns in contacts]
-        return lift, np.sum(vertical, axis=0)
+        return lift_of(body, motion), np.sum(vertical, axis=0)
     for imu, _ in find_imus([item], setup):
         found = imu_columns(item, imu, setup)
         if found is not None:
-            _, _, felt, _ = body.sensor(motion, link=imu.link)
+            felt = felt_at(body, motion, imu.link)[2]
             # Its length does not depend on how the sensor sits; free acceleration lacks gravity.
             if not found[0]:
                 return np.linalg.norm(felt, axis=1), np.linalg.norm(

@@ -185,8 +185,8 @@ class State:
             share = 100 * missing.mean()
             self.findings.append(
                 Finding("warning", "dropped_frames", "", int(np.argmax(missing)), int(missing.sum()),
-                        f"{share:.3g} % of the frames of {item.label} are missing: they are bridged, "
-                        "with wider intervals")
+                        f"{share:.3g} % of the frames of {item.label} are missing: short gaps are "
+                        "bridged, with wider intervals")
             )  # fmt: skip
 
     def _noise(self, raw: Array, smoothed: Array) -> Array:

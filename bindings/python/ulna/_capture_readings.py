@@ -13,6 +13,7 @@ from ._call import AnalysisError, DataError
 from ._capture_channels import Item, refuse_accelerometer
 from ._capture_clock import Clock
 from ._capture_filter import MOST_LOSS, half_window, smooth, worst
+from ._capture_motion import felt_at, frames_of, mean_of, poses_of
 from .body import Body, Motion
 from .motion import Mount, identify_mount, rotation_matrices
 from .record import Finding, refuse
@@ -57,8 +58,8 @@ class Readings:
             share, worst = max(found)
             others = f" and {len(found) - 1} others" if len(found) > 1 else ""
             words = (
-                f"{100 * share:.3g} % of the samples of {worst}{others} in {label} are missing: they are "
-                "bridged, with wider intervals"
+                f"{100 * share:.3g} % of the samples of {worst}{others} in {label} are missing: short "
+                "gaps are bridged, with wider intervals"
             )
             out.append(Finding("warning", "missing_samples", "", 0, 0, words))
         return out
@@ -279,11 +280,8 @@ def mount_of(found: ImuReading, frames: State, link: str) -> Mount | None:
     if found.turn_rate is None or (frames.moves and frames.base_moving is None):
         return None
     part = _liveliest(found.turn_rate, frames.rate_hz)
-    motion = Motion(**{
-        name: None if value is None else np.asarray(value)[part]
-        for name, value in vars(frames.motion).items()
-    })  # fmt: skip
-    pose = frames.body.poses(motion)[:, frames.body.links.index(link)]
+    motion = frames_of(frames.motion, part)
+    pose = poses_of(frames.body, motion)[:, frames.body.links.index(link)]
     half = half_window(frames.window["window_s"], frames.rate_hz, frames.window["order"])
     try:
         return identify_mount(
@@ -323,7 +321,7 @@ def placed(
             orientation=imu.orientation,
         )  # fmt: skip
         return Placed(sensor, 0.0, True)
-    felt = frames.body.sensor(frames.motion, link=imu.link)
+    felt = felt_at(frames.body, frames.motion, imu.link)
     centre = frames.body.describe()[frames.body.links.index(imu.link)].centre_m
     mount = mount or mount_of(found, frames, imu.link)
     told = mount is not None and bool(np.max(mount.rotation_error_rad) < _MOST_MOUNT_ERROR_RAD)
@@ -340,7 +338,7 @@ def placed(
         off_m, off_rad = _WORN_WITHIN_M, _GUESSED_AXES_RAD
     with np.errstate(invalid="ignore"):
         lever = np.sum(felt[3] ** 2, axis=1) + np.sum(felt[1] ** 2, axis=1) ** 2
-    moving = float(np.sqrt(np.nanmean(lever))) if np.isfinite(lever).any() else 0.0
+    moving = float(np.nan_to_num(np.sqrt(mean_of(lever))))
     sensor = BodySensor(
         name, "accelerometer", imu.link, deviation, position_m=place, orientation=axes
     )
@@ -379,7 +377,7 @@ def wear(
             "device",
         )
     links = setup.body.links
-    hip = setup.body.poses(motion)[:, links.index("Pelvis"), :3]
+    hip = poses_of(setup.body, motion)[:, links.index("Pelvis"), :3]
     worn = setup.device.wrenches(shoulder, elbow, hip)
     size = setup.deviations
     told = dict(zip(ARMS, np.moveaxis(worn.arm_wrench(shoulder), 1, 0), strict=True))
@@ -400,7 +398,7 @@ def arms(body: Body, motion: Motion) -> tuple[Array, Array] | None:
     elbows = ("LeftForeArm", "RightForeArm")
     if any(name not in body.links for name in (*ARMS, *elbows)):
         return None
-    poses = body.poses(motion)
+    poses = poses_of(body, motion)
     shoulder, elbow = (
         poses[:, [body.links.index(name) for name in names], :3] for names in (ARMS, elbows)
     )

@@ -6,10 +6,9 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from . import plot
-from ._capture_tables import BALANCE, balance_rms, by_severity, joint_rows
+from ._capture_motion import mean_of, median_of, rms_of
+from ._capture_tables import BALANCE, balance_rms, by_severity, joint_rows, shown
 from ._page import definitions, document, figure, ordered, table
 from .record import refuse
 
@@ -113,7 +112,7 @@ def _verdict(found: RecordedTorques) -> str:
 
 
 def _number(value: float) -> str:
-    return f"{value:.3g}".replace("-", "−")
+    return shown(value).replace("-", "−")
 
 
 def _joints(found: RecordedTorques) -> str:
@@ -154,9 +153,9 @@ def _balance(found: RecordedTorques) -> str:
     rms = balance_rms(found)
     start = found.start
     lines = "" if start is None else f"<p>{escape(start.summary().splitlines()[0])}.</p>"
-    nis = float(np.nanmean(found.torques.balance_nis))
-    spread = np.nanmedian(found.torques.residual_deviation, axis=0)
-    left = np.sqrt(np.nanmean(found.torques.residual**2, axis=0))
+    nis = mean_of(found.torques.balance_nis)
+    spread = median_of(found.torques.residual_deviation)
+    left = rms_of(found.torques.residual)
     rows = [
         ["lacking for the measured motion, RMS", *(_number(rms[name]) for name in BALANCE)],
         ["lacking for the estimated one, RMS", *(_number(float(value)) for value in left)],
@@ -166,7 +165,7 @@ def _balance(found: RecordedTorques) -> str:
     head = ["", *(f"{name} ({unit})" for name, unit in zip(BALANCE, units, strict=True))]
     return (
         lines + table(head, rows)
-        + f"<p>Squared normalised innovation of the balance: {nis:.3g}, where 6 is expected.</p>"
+        + f"<p>Squared normalised innovation of the balance: {_number(nis)}, where 6 is expected.</p>"
     )  # fmt: skip
 
 

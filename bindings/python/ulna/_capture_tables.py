@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ._capture_motion import mean_of, rms_of
+
 if TYPE_CHECKING:
     from .capture import RecordedTorques
 
@@ -37,7 +39,7 @@ def joint_rows(found: RecordedTorques) -> list[dict[str, Any]]:
             row |= {
                 "from_above_lowest_nm": float(np.nanmin(top)),
                 "from_above_highest_nm": float(np.nanmax(top)),
-                "above_less_below_rms_nm": float(np.sqrt(np.nanmean((top - below) ** 2))),
+                "above_less_below_rms_nm": float(rms_of((top - below)[:, None])[0]),
             }
         out.append(row)
     return out
@@ -45,8 +47,13 @@ def joint_rows(found: RecordedTorques) -> list[dict[str, Any]]:
 
 def balance_rms(found: RecordedTorques) -> dict[str, float]:
     """Root mean square of what the measured wrenches lack, by component (N, N m)."""
-    rms = np.sqrt(np.nanmean(found.balance**2, axis=0))
+    rms = rms_of(found.balance)
     return dict(zip(BALANCE, rms.tolist(), strict=True))
+
+
+def shown(value: float) -> str:
+    """Three figures, and a dash for what is not known."""
+    return "–" if value != value else f"{value:.3g}"
 
 
 def summary_of(found: RecordedTorques) -> str:
@@ -65,8 +72,8 @@ def summary_of(found: RecordedTorques) -> str:
     rms = balance_rms(found)
     lines.append(
         "balance lacks, RMS: "
-        + ", ".join(f"{name} {value:.3g}" for name, value in rms.items())
-        + f" (N, N m); NIS {np.nanmean(torques.balance_nis):.3g}, 6 expected"
+        + ", ".join(f"{name} {shown(value)}" for name, value in rms.items())
+        + f" (N, N m); NIS {shown(mean_of(torques.balance_nis))}, 6 expected"
     )
     lines.append("")
     lines.append(f"{'joint':<22}{'lowest':>9}{'highest':>9}{'RMS':>9}{'±':>8}   N m")
@@ -83,7 +90,7 @@ def summary_of(found: RecordedTorques) -> str:
         lines.append(
             f"{row['joint']} from above: {row['from_above_lowest_nm']:.1f} to "
             f"{row['from_above_highest_nm']:.1f} N m, off from below by "
-            f"{row['above_less_below_rms_nm']:.2g} RMS"
+            f"{shown(row['above_less_below_rms_nm'])} RMS"
         )
     lines += ["", *(f"{f.severity}: {f.message}" for f in by_severity(found))]
     lines += [f"note: {note}" for note in frames.notes]
@@ -121,7 +128,7 @@ def plain_result(found: RecordedTorques) -> dict[str, Any]:
         },
         "joints": joint_rows(found),
         "balance_rms": balance_rms(found),
-        "balance_nis": float(np.nanmean(torques.balance_nis)),
+        "balance_nis": mean_of(torques.balance_nis),
         "variances": "given" if found.fit is None else "data",
         "deviations": dict(zip(frames.suite.rows, frames.suite.deviation.tolist(), strict=True)),
         "clocks": {

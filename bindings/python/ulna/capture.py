@@ -25,6 +25,7 @@ from ._capture_checks import (
     look_at_unknowns,
 )
 from ._capture_frames import gather
+from ._capture_motion import frames_of, known_frames, newton_euler, poses_of
 from ._capture_readings import arms
 from ._capture_setup import setup_of
 from ._start_check import in_world
@@ -275,10 +276,7 @@ class CapturedFrames:
 
     def select(self, rows: Any) -> CapturedFrames:
         """Some of the frames: a slice or an array of row numbers."""
-        motion = Motion(**{
-            name: None if value is None else np.asarray(value)[rows]
-            for name, value in vars(self.motion).items()
-        })  # fmt: skip
+        motion = frames_of(self.motion, rows)
         return replace(
             self, time_s=self.time_s[rows], motion=motion, measured=self.measured[rows],
             loss=self.loss[rows], device=None,
@@ -377,8 +375,7 @@ def estimate(
     """Torques of frames that are on one clock already; arguments as for `recorded_torques`."""
     if variances not in ("data", "given"):
         raise refuse(f"variances is {variances!r}: it must be 'data' or 'given'", "variances")
-    state = np.isfinite(np.asarray(frames.motion.angle)).all(axis=1)
-    usable = np.flatnonzero(state)
+    usable = np.flatnonzero(known_frames(frames.motion))
     if not usable.size:
         raise refuse("no frame has the angles of all joints", "recordings")
     some = frames.select(usable[:: max(1, len(usable) // _CHECKED_FRAMES)])
@@ -512,8 +509,8 @@ class RecordedTorques:
     @cached_property
     def _newton_euler(self) -> tuple[Array, Array]:
         """Torques of the motion alone, and what the base then lacks less what the contacts give it."""
-        torque, lack = self.body.inverse_dynamics(self.motion)
-        poses = self.body.poses(self.motion)
+        torque, lack = newton_euler(self.body, self.motion)
+        poses = poses_of(self.body, self.motion)
         suite = self.frames.suite
         for sensor in suite.sensors:
             if sensor.kind == "external_wrench":
@@ -547,7 +544,7 @@ class RecordedTorques:
         above = self.from_above
         if above is None:
             return None
-        poses = self.body.poses(self.motion)
+        poses = poses_of(self.body, self.motion)
         carriers = {link.joint: k for k, link in enumerate(self.body.describe())}
         links = self.body.describe()
         out = np.array(above)
