@@ -287,12 +287,19 @@ def test_the_command_writes_and_tells(study, tmp_path, monkeypatch, capsys):
         asked.update(given)
         return study
 
+    def written(self, folder, *, command=""):
+        folder.mkdir()
+        asked["command"] = command
+        return folder / "report.html"
+
     monkeypatch.setattr(overhead, "overhead_study", instead)
+    # What it writes is tested above.
+    monkeypatch.setattr(OverheadStudy, "write", written)
     assert (
         main(["study", "overhead", "--out", str(tmp_path / "out"), "--quick", "--seed", "3"]) == 0
     )
     assert asked["subjects"] == 4 and asked["seed"] == 3 and asked["protocol"].blocks == 2
-    assert "report:" in capsys.readouterr().out
+    assert "report:" in capsys.readouterr().out and "study overhead" in asked["command"]
     assert (
         main(["study", "overhead", "--out", str(tmp_path / "two"), "--json", "--blocks", "5"]) == 0
     )

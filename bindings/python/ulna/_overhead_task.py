@@ -168,10 +168,16 @@ class Protocol:
         return np.where(outside, -1, block)
 
 
-def cohort(subjects: int = 12, *, seed: int = 0) -> tuple[Subject, ...]:
+def cohort(*, subjects: int = 12, seed: int = 0) -> tuple[Subject, ...]:
     """People with exactly the published mean and standard deviation of height and mass.
 
     Every other one begins with the device, in random order.
+
+    Examples
+    --------
+    >>> people = cohort()
+    >>> len(people), round(sum(one.height_m for one in people) / 12, 6)
+    (12, 1.793)
     """
     rng = np.random.default_rng([seed, 0])
     numbers = rng.normal(size=(2, subjects))

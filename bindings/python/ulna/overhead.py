@@ -53,7 +53,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-_SESSION_BYTES = 2.2e9
+_SESSION_BYTES = 1.2e9
 MEASURES = (
     "norm", "norm per kg", "mean absolute", "root mean square",
     *AREAS, *(f"{side} shoulder" for side in SIDES),
@@ -118,21 +118,21 @@ def overhead_study(
         Of people, movements and errors.
     workers : int
         Sessions that are computed at once; 0: one a processor, as far as the memory reaches (a session of
-        full length takes 2 GB). The numbers do not depend on it.
+        full length takes 1 GB). The numbers do not depend on it.
     progress : bool or function of (done, all)
 
     Examples
     --------
     >>> short = Protocol(blocks=1, repetitions=1, hold_s=0.4, cycle_s=2.4, still_s=1.0)
     >>> overhead_study(subjects=3, protocol=short)
-    <OverheadStudy: 3 subjects, 7188 frames, ...>
+    <OverheadStudy: 3 subjects, 7548 frames, ...>
     """
     setting = _setting(protocol, errors, device, seed)
     if subjects < 3:
         raise refuse(f"{subjects} subjects are too few: a comparison needs at least 3", "subjects")
     if workers < 0:
         raise refuse("workers must not be negative", "workers")
-    people = cohort(subjects, seed=seed)
+    people = cohort(subjects=subjects, seed=seed)
     cells = [(person, worn) for person in people for worn in (False, True)]
     told = _teller(progress, len(cells))
     pool = ThreadPoolExecutor(workers or _workers())
