@@ -149,6 +149,12 @@ def test_without_errors_the_pipeline_returns_the_true_torques():
     assert np.sqrt(np.mean(error**2)) < 0.05
 
 
+def test_sensors_without_errors_make_a_session_like_any_other():
+    found = run_session(cohort()[0], with_device=True, setting=Setting(TINY, EXACT, 0, None))
+    assert (found.error_nm < 0.2).all() and not found.posture_nm.any()
+    assert np.allclose(found.measured.norm_nm, found.true.norm_nm, rtol=0.01)
+
+
 def test_a_recording_is_the_same_for_the_same_seed_alone():
     def torque(seed, worn=False):
         return simulate_session(cohort()[0], with_device=worn, protocol=TINY, seed=seed).suit[

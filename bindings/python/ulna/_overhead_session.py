@@ -183,14 +183,14 @@ def trusted(frames: CapturedFrames, errors: SensorErrors) -> SensorSuite:
     """Standard deviations of all rows from what is known of the sensors: their data sheets.
 
     Bias and misplacement are as much an error of a frame as noise is. Noise is that behind the filter of
-    the pipeline.
+    the pipeline. No sensor is taken to be better than 0.1 N, 0.02 N m and 0.01 m/s^2.
     """
     suite = frames.suite
     half_weight = 0.5 * suite.body.mass_kg * suite.body.gravity_m_s2
     # A shoe is turned in the foot, and the foot is told with an error.
     tilt = np.radians(np.hypot(errors.shoe_tilt_deg, errors.segment_deg))
-    level = np.hypot(errors.shoe_bias_n, half_weight * tilt)
-    turned = np.hypot(errors.shoe_bias_nm, half_weight * errors.shoe_place_m)
+    level = max(np.hypot(errors.shoe_bias_n, half_weight * tilt), 0.1)
+    turned = max(np.hypot(errors.shoe_bias_nm, half_weight * errors.shoe_place_m), 0.02)
     shoe = (level, level, errors.shoe_bias_n + 0.1, turned, turned, errors.shoe_bias_nm + 0.02)
     window = 2 * half_window(_WINDOW_S, frames.rate_hz, _ORDER) + 1
     gains = [
@@ -215,7 +215,7 @@ def trusted(frames: CapturedFrames, errors: SensorErrors) -> SensorSuite:
         elif sensor.name.startswith("device "):
             sensor = replace(sensor, deviation=hip if sensor.place == "Pelvis" else arm)
         elif sensor.name.startswith("imu "):
-            sensor = replace(sensor, deviation=float(imu))
+            sensor = replace(sensor, deviation=max(float(imu), 0.01))
         elif sensor.kind == "joint_acceleration":
             sensor = replace(sensor, deviation=float(np.sqrt(2.0) * turning))
         elif sensor.kind == "angular_acceleration":
@@ -259,10 +259,12 @@ def run_session(
         wear(frames.setup, motion, [], readings)
         return readings
 
-    posture = posture_deviation(
-        frames.suite, frames.motion, frames.measured, segment_rad=turned, every=every,
-        computed=device_readings if with_device else None, threads=1,
-    )  # fmt: skip
+    posture = np.zeros_like(found.torques.torque)
+    if turned > 0:
+        posture = posture_deviation(
+            frames.suite, frames.motion, frames.measured, segment_rad=turned, every=every,
+            computed=device_readings if with_device else None, threads=1,
+        )  # fmt: skip
     rows = np.rint(frames.time_s * protocol.rate_hz).astype(np.int64)
     torque, truth = found.torques.torque, made.torque_nm[rows]
     deviation = np.hypot(found.torques.torque_deviation, posture)
