@@ -159,7 +159,6 @@ ViscoelasticOptions estimator_of(const ulna_viscoelastic_options* options) {
   v.human_angle = flag(o.human_angle, "human_angle");
   v.intercept = !flag(o.no_intercept, "no_intercept");
   v.damping = !flag(o.no_rate, "no_rate");
-  v.count_misfit = flag(o.count_misfit, "count_misfit");
   v.errors = kind_of<ErrorModel>(o.errors, 2, "errors");
   v.hac_lag_s = or_default(o.hac_lag_s, v.hac_lag_s);
   v.block_s = or_default(o.block_s, v.block_s);
@@ -201,9 +200,13 @@ ulna_viscoelastic_joint numbers_of(const Viscoelasticity& v) {
   r.offset = v.offset;
   r.k_error = v.k_error;
   r.d_error = v.d_error;
+  r.k_misfit_error = v.k_misfit_error;
+  r.d_misfit_error = v.d_misfit_error;
   for (int i = 0; i < 2; ++i) {
     r.k_interval[i] = v.k_interval[i];
     r.d_interval[i] = v.d_interval[i];
+    r.k_misfit_interval[i] = v.k_misfit_interval[i];
+    r.d_misfit_interval[i] = v.d_misfit_interval[i];
   }
   r.level = v.level;
   r.r_squared = v.r_squared;
@@ -270,6 +273,14 @@ ViscoelasticOptions read_estimator(const ulna_viscoelastic_options* options) {
 
 const ExoScene& read_description(const ulna_plant& plant) { return description_of(plant); }
 
+void give_log(ulna_record** place, const sim::Mobilisation& mobilisation) {
+  if (!mobilisation.record) {
+    throw Error(Fault::kData, "mobilisation",
+                "there is no record, because the movement did not begin: " + mobilisation.reason);
+  }
+  give_record(place, *mobilisation.record);
+}
+
 }  // namespace ulna::capi
 
 ulna_status ulna_mobilisation_new(const ulna_plant* plant, const ulna_plant* nominal,
@@ -311,14 +322,7 @@ ulna_status ulna_mobilisation_text(const ulna_mobilisation* mobilisation, int32_
 
 ulna_status ulna_mobilisation_record(const ulna_mobilisation* mobilisation,
                                      ulna_record** out_record) {
-  return guarded([&] {
-    const sim::Mobilisation& m = deref(mobilisation, "mobilisation").mobilisation;
-    if (!m.record) {
-      throw Error(Fault::kData, "mobilisation",
-                  "there is no record, because the movement did not begin: " + m.reason);
-    }
-    give_record(out_record, *m.record);
-  });
+  return guarded([&] { give_log(out_record, deref(mobilisation, "mobilisation").mobilisation); });
 }
 
 ulna_status ulna_record_with_joint_errors(const ulna_record* record, const ulna_plant* plant,

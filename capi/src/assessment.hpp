@@ -19,4 +19,7 @@ ReductionOptions read_reduction(const ulna_reduction_options* options);
 // The scene that a plant was made from; throws Error (kUnsupported) where there is none.
 const ExoScene& read_description(const ulna_plant& plant);
 
+// The record of a mobilisation as a new handle; throws Error (kData) where there is none.
+void give_log(ulna_record** place, const sim::Mobilisation& mobilisation);
+
 }  // namespace ulna::capi

@@ -26,6 +26,7 @@
 #include "plant/exo_plant.hpp"
 #include "plant/parity_plant.hpp"
 #include "plant/planar_robot.hpp"
+#include "plant/soft/plant_difference.hpp"
 #include "plant/soft/soft_plant.hpp"
 #include "plant/soft_scenery.hpp"
 #include "record/csv.hpp"
@@ -167,6 +168,13 @@ struct ulna_mobilisation {
 
 struct ulna_viscoelastic {
   std::vector<ulna::Viscoelasticity> joints;
+};
+
+struct ulna_plant_difference {
+  ulna::sim::Mobilisation done[2];  // full, reduced
+  std::string joint;
+  ulna::PlantOutcome full;
+  ulna::PlantDifference difference;
 };
 
 struct ulna_body {

@@ -5,8 +5,9 @@
 #include <cmath>
 
 #include "base/error.hpp"
-#include "base/random.hpp"
 #include "base/words.hpp"
+#include "impedance/misfit_errors.hpp"
+#include "impedance/torque_noise.hpp"
 #include "signal/finite.hpp"
 #include "signal/savgol.hpp"
 #include "stats/distributions.hpp"
@@ -14,10 +15,8 @@
 namespace ulna {
 namespace {
 
-constexpr int kAnglePowers = 6;                 // of the smooth misfit
 constexpr double kLeastMotion = 1.0 * kDegree;  // of a joint that is assessed
-constexpr int kRatePowers = 3;
-constexpr double kPoorShare = 0.5;  // of the variance that a line must explain
+constexpr double kPoorShare = 0.5;              // of the variance that a line must explain
 
 bool has_channel(const Record& record, const std::string& name) {
   return std::any_of(record.channels().begin(), record.channels().end(),
@@ -150,179 +149,6 @@ Line fit_line(const Matrix& x, const Vector& y) {
   return line;
 }
 
-// A line and smooth functions of angle and rate: what is left is no property of the arm.
-Matrix smooth_basis(const Matrix& x, const Vector& angle, const Vector& rate) {
-  const auto scaled = [](const Vector& v) {
-    const double low = v.minCoeff();
-    const double half = 0.5 * (v.maxCoeff() - low);
-    return Vector((v.array() - low) / std::max(half, 1e-300) - 1.0);
-  };
-  const Vector u = scaled(angle);
-  const Vector w = scaled(rate);
-  Matrix basis(x.rows(), x.cols() + kAnglePowers + kRatePowers + 1);
-  basis.leftCols(x.cols()) = x;
-  Index c = x.cols();
-  // Chebyshev polynomials: powers of one variable are nearly the same.
-  const auto add = [&](const Vector& v, int degrees) {
-    Vector before = Vector::Ones(v.size());
-    Vector now = v;
-    for (int p = 2; p <= degrees + 1; ++p) {
-      const Vector next = 2.0 * v.cwiseProduct(now) - before;
-      before = now;
-      now = next;
-      basis.col(c++) = now;
-    }
-  };
-  add(u, kAnglePowers);
-  add(w, kRatePowers);
-  basis.col(c) = u.cwiseProduct(w);
-  return basis;
-}
-
-struct Left {
-  Vector values;
-  Matrix space;  // orthonormal columns: what was taken off
-};
-
-Left left_by(const Matrix& basis, const Vector& y) {
-  Eigen::ColPivHouseholderQR<Matrix> qr(basis);
-  qr.setThreshold(1e-8);
-  Left left;
-  left.space = qr.householderQ() * Matrix::Identity(basis.rows(), qr.rank());
-  left.values = y - left.space * (left.space.transpose() * y);
-  return left;
-}
-
-// (X'X)^-1 X' Omega X (X'X)^-1 with the errors' covariance by Newey and West, within each trial.
-Matrix hac_covariance(const Record& record, const Matrix& x, const Vector& errors,
-                      const Matrix& inverse, Index lag) {
-  const Matrix scores = x.array().colwise() * errors.array();
-  Matrix meat = Matrix::Zero(x.cols(), x.cols());
-  for (const Trial& trial : record.trials()) {
-    const Index rows = trial.end - trial.begin;
-    const auto s = scores.middleRows(trial.begin, rows);
-    meat += s.transpose() * s;
-    for (Index l = 1; l <= std::min(lag, rows - 1); ++l) {
-      const Matrix g = s.bottomRows(rows - l).transpose() * s.topRows(rows - l);
-      const double weight = 1.0 - static_cast<double>(l) / static_cast<double>(lag + 1);
-      meat += weight * (g + g.transpose());
-    }
-  }
-  return inverse * meat * inverse;
-}
-
-// Parameters refitted to the line and resampled blocks of the errors.
-Matrix bootstrap_replicates(const Matrix& x, const Vector& errors, const Matrix& inverse,
-                            const ViscoelasticOptions& o, Index block, Token* token) {
-  const Index rows = x.rows();
-  const Matrix project = inverse * x.transpose();
-  Matrix replicates(o.bootstrap, x.cols());
-  Vector drawn(rows);
-  for (Index i = 0; i < o.bootstrap; ++i) {
-    step(token, static_cast<double>(i) / static_cast<double>(o.bootstrap));
-    Random random(o.seed, static_cast<std::uint64_t>(i));
-    for (Index at = 0; at < rows; at += block) {
-      const Index from = random.below(rows - block + 1);
-      const Index count = std::min(block, rows - at);
-      drawn.segment(at, count) = errors.segment(from, count);
-    }
-    // Blocks of a whole that has no mean have one each.
-    drawn.array() -= drawn.mean();
-    replicates.row(i) = (project * drawn).transpose();
-  }
-  return replicates;
-}
-
-// What the covariance above would be on average for white errors of variance 1, from which the
-// columns of `space` were taken.
-Matrix white_expectation(const Record& record, const Matrix& x, const Matrix& space,
-                         const Matrix& inverse, Index lag) {
-  Matrix meat = Matrix::Zero(x.cols(), x.cols());
-  for (const Trial& trial : record.trials()) {
-    const Index rows = trial.end - trial.begin;
-    const auto q = space.middleRows(trial.begin, rows);
-    const auto z = x.middleRows(trial.begin, rows);
-    for (Index l = 0; l <= std::min(lag, rows - 1); ++l) {
-      Vector left = -q.bottomRows(rows - l).cwiseProduct(q.topRows(rows - l)).rowwise().sum();
-      if (l == 0) left.array() += 1.0;
-      const Matrix g = z.bottomRows(rows - l).transpose() * left.asDiagonal() * z.topRows(rows - l);
-      const double weight = 1.0 - static_cast<double>(l) / static_cast<double>(lag + 1);
-      meat += l == 0 ? g : Matrix(weight * (g + g.transpose()));
-    }
-  }
-  return inverse * meat * inverse;
-}
-
-// Taking off a line and smooth functions takes off the slow part of the errors, which is what the
-// line is sensitive to. For white errors the loss is known: the factor by which each standard error
-// was too small.
-Vector lost_share(const Record& record, const Matrix& x, const Left& left, const Line& line,
-                  Index lag) {
-  const Matrix kept = white_expectation(record, x, left.space, line.inverse, lag);
-  return line.inverse.diagonal()
-      .cwiseQuotient(kept.diagonal().cwiseMax(1e-2 * line.inverse.diagonal()))
-      .cwiseSqrt();
-}
-
-struct Errors {
-  Vector error;
-  Vector half_low, half_high;  // below and above the estimate
-};
-
-Index rows_of_seconds(const Record& record, double seconds, Index least, Index most) {
-  return std::clamp<Index>(static_cast<Index>(std::lround(seconds * record.rate_hz())), least,
-                           std::max(least, most));
-}
-
-// With lags of a share b of the rows, the variance by Bartlett weights varies like that of
-// Student's t with 1.5 / b degrees of freedom (Kiefer and Vogelsang 2005, to first order in b).
-Errors hac_errors(const Record& record, const Matrix& x, const Left& left, const Line& line,
-                  const ViscoelasticOptions& o) {
-  Index longest = 0;
-  for (const Trial& trial : record.trials()) longest = std::max(longest, trial.end - trial.begin);
-  const Index lag = rows_of_seconds(record, o.hac_lag_s, 0, longest / 4);
-  const Matrix covariance = hac_covariance(record, x, left.values, line.inverse, lag);
-  Errors e;
-  e.error = covariance.diagonal().cwiseMax(0.0).cwiseSqrt().cwiseProduct(
-      lost_share(record, x, left, line, lag));
-  const auto rows = static_cast<double>(x.rows());
-  const double dof = std::min(1.5 * rows / static_cast<double>(lag + 1),
-                              std::max(1.0, rows - static_cast<double>(left.space.cols())));
-  e.half_high = student_quantile(0.5 + 0.5 * o.level, dof) * e.error;
-  e.half_low = e.half_high;
-  return e;
-}
-
-Errors bootstrap_errors(const Record& record, const Matrix& x, const Left& left, const Line& line,
-                        const ViscoelasticOptions& o, Token* token) {
-  const Index rows = x.rows();
-  const Index block = rows_of_seconds(record, o.block_s, 1, rows);
-  if (rows / block < 5) {
-    throw Error(Fault::kData, "errors",
-                "a bootstrap over " + std::to_string(rows / block) +
-                    " blocks says nothing: shorten block_s or use Newey-West errors");
-  }
-  // Blocks keep a lag l in one of 1 - l / block of the places, which are Bartlett's weights.
-  const Vector lost = lost_share(record, x, left, line, block - 1);
-  const Matrix replicates =
-      bootstrap_replicates(x, left.values, line.inverse, o, block, token) * lost.asDiagonal();
-  Errors e;
-  const Matrix centred = replicates.rowwise() - replicates.colwise().mean();
-  e.error =
-      (centred.colwise().squaredNorm().transpose() / static_cast<double>(replicates.rows() - 1))
-          .cwiseSqrt();
-  e.half_low.resize(x.cols());
-  e.half_high.resize(x.cols());
-  for (Index c = 0; c < x.cols(); ++c) {
-    const std::vector<double> sample(replicates.col(c).data(),
-                                     replicates.col(c).data() + replicates.rows());
-    // The estimate less the true value is distributed as a replicate less the estimate.
-    e.half_low[c] = sample_quantile(sample, 0.5 + 0.5 * o.level);
-    e.half_high[c] = -sample_quantile(sample, 0.5 - 0.5 * o.level);
-  }
-  return e;
-}
-
 void check_options(const ViscoelasticOptions& o) {
   const auto positive = [](double value, const char* argument) {
     require(std::isfinite(value) && value > 0.0, argument,
@@ -383,6 +209,32 @@ void set_truth(const Record& record, const std::string& human, const Vector& tor
   v.model_residual_max = residual.cwiseAbs().maxCoeff();
 }
 
+void set_errors(const Record& record, const Matrix& x, const Vector& angle, const Vector& rate,
+                const Vector& torque, const Line& line, const ViscoelasticOptions& o, Token* token,
+                Viscoelasticity& v) {
+  const Vector residual = torque - x * line.theta;
+  const double about = o.intercept ? torque.mean() : 0.0;
+  v.r_squared = 1.0 - residual.squaredNorm() /
+                          std::max(1e-300, (torque.array() - about).matrix().squaredNorm());
+  v.residual_rms = std::sqrt(residual.squaredNorm() / static_cast<double>(v.rows));
+  const TorqueNoise noise = torque_noise(record, x * line.inverse, angle, rate, torque);
+  v.noise_rms = noise.rms;
+  const Vector half = student_quantile(0.5 + 0.5 * o.level, noise.dof) * noise.error;
+  const MisfitErrors misfit = misfit_errors(record, x, torque, line.inverse, o, token);
+  // K is minus the slope: low and high change their places.
+  const auto set = [&](Index c, double value, double& error, double(&interval)[2],
+                       double& misfit_error, double(&misfit_interval)[2]) {
+    error = noise.error[c];
+    interval[0] = value - half[c];
+    interval[1] = value + half[c];
+    misfit_error = misfit.error[c];
+    misfit_interval[0] = value - misfit.half_high[c];
+    misfit_interval[1] = value + misfit.half_low[c];
+  };
+  set(0, v.k, v.k_error, v.k_interval, v.k_misfit_error, v.k_misfit_interval);
+  if (o.damping) set(1, v.d, v.d_error, v.d_interval, v.d_misfit_error, v.d_misfit_interval);
+}
+
 Viscoelasticity assess_joint(const Record& record, const std::string& joint, bool last,
                              const Vector& theta, const Vector& theta_dot, const Vector& torque,
                              const ViscoelasticOptions& o, Token* token) {
@@ -422,27 +274,7 @@ Viscoelasticity assess_joint(const Record& record, const std::string& joint, boo
   v.k = -line.theta[0];
   if (o.damping) v.d = -line.theta[1];
   if (o.intercept) v.offset = line.theta[x.cols() - 1];
-  const Left plain = left_by(x, torque);
-  const Left noise = left_by(smooth_basis(x, angle, rate), torque);
-  const auto rows = static_cast<double>(v.rows);
-  const double about = o.intercept ? torque.mean() : 0.0;
-  v.r_squared = 1.0 - plain.values.squaredNorm() /
-                          std::max(1e-300, (torque.array() - about).matrix().squaredNorm());
-  v.residual_rms = std::sqrt(plain.values.squaredNorm() / rows);
-  v.noise_rms = std::sqrt(noise.values.squaredNorm() / rows);
-  const Left& left = o.count_misfit ? plain : noise;
-  const Errors e = o.errors == ErrorModel::kNeweyWest
-                       ? hac_errors(record, x, left, line, o)
-                       : bootstrap_errors(record, x, left, line, o, token);
-  v.k_error = e.error[0];
-  // K is minus the slope: low and high change their places.
-  v.k_interval[0] = v.k - e.half_high[0];
-  v.k_interval[1] = v.k + e.half_low[0];
-  if (o.damping) {
-    v.d_error = e.error[1];
-    v.d_interval[0] = v.d - e.half_high[1];
-    v.d_interval[1] = v.d + e.half_low[1];
-  }
+  set_errors(record, x, angle, rate, torque, line, o, token, v);
   set_truth(record, human, torque, o, v);
   if (v.r_squared < kPoorShare) {
     v.warnings.push_back(sentence(3, "A line explains ", 100.0 * v.r_squared,

@@ -26,11 +26,7 @@ struct ViscoelasticOptions {
   bool human_angle = false;  // regress on the true q instead of theta; a simulated record only
   bool intercept = true;     // the angle of rest is not known
   bool damping = true;       // rate as a regressor; false: no D
-  ErrorModel errors = ErrorModel::kNeweyWest;
-  // What a straight line leaves of the muscles' curves repeats itself in a repeated movement: the
-  // error of K is that of the measurement. With the misfit counted, K is the slope of a population
-  // of such movements.
-  bool count_misfit = false;
+  ErrorModel errors = ErrorModel::kNeweyWest;  // with the misfit counted; and its settings
   double hac_lag_s = 0.4;
   double block_s = 0.4;
   Index bootstrap = 1000;
@@ -53,16 +49,22 @@ struct TrueViscoelasticity {
 
 struct Viscoelasticity {
   std::string joint;
-  double k = kNaN,
-         d = kNaN;                        // N m/rad, N m s/rad; D is NaN without rate regressor
-  double offset = kNaN;                   // N m; NaN without intercept
-  double k_error = kNaN, d_error = kNaN;  // standard errors
+  double k = kNaN, d = kNaN;  // N m/rad, N m s/rad; D is NaN without rate regressor
+  double offset = kNaN;       // N m; NaN without intercept
+  // What a straight line leaves of the muscles' curves and of a soft interface repeats itself when
+  // the movement is repeated: these standard errors are those of the noise of the measurement.
+  double k_error = kNaN, d_error = kNaN;
   double k_interval[2] = {kNaN, kNaN};
   double d_interval[2] = {kNaN, kNaN};
+  // With all counted that the line leaves: slope of a population of such movements. Errors of the
+  // measurement that are as slow as the movement are in these alone.
+  double k_misfit_error = kNaN, d_misfit_error = kNaN;
+  double k_misfit_interval[2] = {kNaN, kNaN};
+  double d_misfit_interval[2] = {kNaN, kNaN};
   double level = 0.95;
   double r_squared = kNaN;
   double residual_rms = kNaN;  // of the regression, N m
-  double noise_rms = kNaN;     // of it, what is no smooth function of angle and rate, N m
+  double noise_rms = kNaN;     // of it, what is no function of angle and rate, N m
   double condition = kNaN;     // of the regressors in unit columns
   Index rows = 0;
   TrueViscoelasticity truth;

@@ -214,11 +214,16 @@ class Viscoelasticity:
     k, d, offset : float
         N m/rad, N m s/rad, torque at angle 0 in N m.
     k_error, d_error : float
-        Standard errors.
+        Standard errors by the noise of the measurement: what would change if this movement of this
+        arm were measured again. Noise as slow as the movement cannot be told from the arm.
     k_interval, d_interval : (float, float)
-        At `level`. They hold what errors of the measurement do, not what a wrong nominal model does.
+        Of them, at `level`. They hold neither what a wrong nominal model does nor what a soft
+        interface does.
+    k_misfit_error, d_misfit_error, k_misfit_interval, d_misfit_interval
+        The same with all counted that a straight line leaves, noise or not: the muscles' curves,
+        the interface, slow errors. K and D of a population of such movements.
     r_squared, residual_rms, noise_rms
-        Share of the torque's variance on the line; what is off it, N m; of that, what is no smooth
+        Share of the torque's variance on the line; what is off it, N m; of that, what is no
         function of angle and rate.
     true_k, true_d, true_k_alone : float
         Line through the muscles' true torque on the true human angle: by the same regressors; with
@@ -235,6 +240,10 @@ class Viscoelasticity:
     d_error: float
     k_interval: tuple[float, float]
     d_interval: tuple[float, float]
+    k_misfit_error: float
+    d_misfit_error: float
+    k_misfit_interval: tuple[float, float]
+    d_misfit_interval: tuple[float, float]
     level: float
     r_squared: float
     residual_rms: float
@@ -259,12 +268,12 @@ class Viscoelasticity:
         share = f"{100 * self.level:.3g} %"
         lines = [
             f"{self.joint}: K {self.k:9.3f} N m/rad    {share} "
-            f"{self.k_interval[0]:.3f} to {self.k_interval[1]:.3f}"
+            f"{_span(self.k_interval)}, with misfit {_span(self.k_misfit_interval)}"
         ]
         if np.isfinite(self.d):
             lines.append(
                 f"    D {self.d:9.3f} N m s/rad  {share} "
-                f"{self.d_interval[0]:.3f} to {self.d_interval[1]:.3f}"
+                f"{_span(self.d_interval)}, with misfit {_span(self.d_misfit_interval)}"
             )
         if np.isfinite(self.true_k):
             lines.append(
@@ -276,6 +285,10 @@ class Viscoelasticity:
             f"{self.residual_rms:.3g} N m rms are left"
         )
         return "\n".join([*lines, *self.warnings])
+
+
+def _span(ends: tuple[float, float]) -> str:
+    return f"{ends[0]:.3f} to {ends[1]:.3f}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -356,7 +369,7 @@ def mobilise(
     >>> from ulna import exo
     >>> done = exo.mobilise(exo.exoskeleton())
     >>> done
-    <Assessment ok <Viscoelasticity J4 K=-0.9176±0.0027 N m/rad D=3.36±0.0068 N m s/rad>>
+    <Assessment ok <Viscoelasticity J4 K=-0.9176±0.0006 N m/rad D=3.36±0.0013 N m s/rad>>
     >>> bool(abs(done.joints[0].k - done.joints[0].true_k) < 1e-9)
     True
     """
@@ -404,7 +417,6 @@ def estimator_options(
     intercept: bool = True,
     rate: bool | None = None,
     errors: str = "newey-west",
-    count_misfit: bool = False,
     lag_s: float = 0.4,
     block_s: float = 0.4,
     bootstrap: int = 1000,
@@ -428,7 +440,6 @@ def estimator_options(
         no_intercept=not intercept,
         no_rate=not switch(rate, not published),
         errors=pick(_ERRORS, errors, "errors"),
-        count_misfit=count_misfit,
         hac_lag_s=_positive(lag_s, "lag_s"),
         block_s=_positive(block_s, "block_s"),
         bootstrap=_positive(bootstrap, "bootstrap"),
@@ -451,7 +462,6 @@ def identify_viscoelasticity(
     intercept: bool = True,
     rate: bool | None = None,
     errors: str = "newey-west",
-    count_misfit: bool = False,
     lag_s: float = 0.4,
     block_s: float = 0.4,
     bootstrap: int = 1000,
@@ -481,10 +491,11 @@ def identify_viscoelasticity(
     human_angle, intercept, rate : bool, optional
         Regressors: the true human angle instead of the device's; a torque at angle 0; the rate.
     errors : {"newey-west", "bootstrap"}
-    count_misfit : bool
-        What a line leaves of the muscles' curves counts as error too.
-    lag_s, block_s, bootstrap, level, seed
-        Of the errors.
+        With the misfit counted; those of the noise alone are by its spectrum.
+    lag_s, block_s, bootstrap, seed
+        Of `errors`.
+    level : float
+        Of all intervals.
 
     Examples
     --------
@@ -492,7 +503,7 @@ def identify_viscoelasticity(
     >>> plant = exo.exoskeleton()
     >>> log = exo.mobilise(plant).record
     >>> exo.identify_viscoelasticity(log, plant, published=True)
-    (<Viscoelasticity J4 K=-1.715±0.076 N m/rad>,)
+    (<Viscoelasticity J4 K=-1.715±0.0019 N m/rad>,)
     """
 
     if not isinstance(record, Record):
@@ -507,7 +518,6 @@ def identify_viscoelasticity(
         intercept=intercept,
         rate=rate,
         errors=errors,
-        count_misfit=count_misfit,
         lag_s=lag_s,
         block_s=block_s,
         bootstrap=bootstrap,
@@ -536,14 +546,16 @@ def _joint(handle: Handle, index: int) -> Viscoelasticity:
     check(lib.ulna_viscoelastic_get_joint(handle.pointer, index, raw))
     name, *words = text(lib.ulna_viscoelastic_text, handle.pointer, index).splitlines()
     plain = (
-        "k", "d", "offset", "k_error", "d_error", "level", "r_squared", "residual_rms", "noise_rms",
-        "condition", "rows", "true_k", "true_d", "true_k_alone", "model_residual_rms",
+        "k", "d", "offset", "k_error", "d_error", "k_misfit_error", "d_misfit_error", "level",
+        "r_squared", "residual_rms", "noise_rms", "condition", "rows", "true_k", "true_d", "true_k_alone", "model_residual_rms",
         "model_residual_max",
     )  # fmt: skip
     return Viscoelasticity(
         joint=name,
         k_interval=tuple(raw.k_interval),
         d_interval=tuple(raw.d_interval),
+        k_misfit_interval=tuple(raw.k_misfit_interval),
+        d_misfit_interval=tuple(raw.d_misfit_interval),
         warnings=tuple(words),
         **{name: getattr(raw, name) for name in plain},
     )

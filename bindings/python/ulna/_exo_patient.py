@@ -53,6 +53,7 @@ def patient(
     n: int | None = None,
     level: float = 0.9,
     seed: int = 0,
+    misfit: bool = False,
     identify: Mapping[str, Any] | None = None,
     **running: Any,
 ) -> Patient:
@@ -76,6 +77,9 @@ def patient(
         Default: those that moved. With more than one the quantities are "K_J3", "D_J3", ...
     observed, covariance, measurable, method, n, level, seed
         See :meth:`ulna.Study.patient`.
+    misfit : bool
+        The log's own errors count all that a straight line leaves, not the noise alone: for
+        sensors whose errors are as slow as the movement.
     identify : dict, optional
         More for :func:`identify_viscoelasticity`.
     **running
@@ -94,7 +98,7 @@ def patient(
     >>> log = exo.mobilise(plant).record
     >>> mass = {"fore_mass_kg": ulna.Normal(0.96, 0.1)}
     >>> print(exo.patient(log, plant, mass, n=64)["K"].advice())
-    To halve the interval of K: measure fore_mass_kg to ±0.058 kg (standard error).
+    To halve the interval of K: measure fore_mass_kg to ±0.057 kg (standard error).
     """
     from .exo import exoskeleton
     from .study import Study
@@ -110,9 +114,11 @@ def patient(
         out = {}
         for one in found:
             tail = "" if len(found) == 1 else f"_{one.joint}"
-            out |= {f"K{tail}": one.k, f"K{tail}_error": one.k_error}
+            k_error = one.k_misfit_error if misfit else one.k_error
+            out |= {f"K{tail}": one.k, f"K{tail}_error": k_error}
             if rate:
-                out |= {f"D{tail}": one.d, f"D{tail}_error": one.d_error}
+                d_error = one.d_misfit_error if misfit else one.d_error
+                out |= {f"D{tail}": one.d, f"D{tail}_error": d_error}
         return out
 
     # Once with the plant's own arm: names of the quantities, and an error about the log at once.

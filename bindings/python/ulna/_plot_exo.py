@@ -244,6 +244,45 @@ def _draw_line(axes: Any, done: Any, joint: str, angle: np.ndarray) -> None:
     )
 
 
+def plant_difference(apart: Any, axes: Any = None) -> np.ndarray:
+    """Torque, slip and place in the cuffs of a full plant (lines) and its reduced one (dashes).
+
+    Parameters
+    ----------
+    apart : PlantDifference
+        Of :meth:`ulna.exo.Plant.difference`.
+    axes : Axes or array of them, optional
+        Three.
+    """
+    with style():
+        grid = axes_grid(axes, 1, 3, (WIDTH_IN, 2.9))
+        left, middle, right = grid[0]
+        for record, dash in ((apart.full, "-"), (apart.reduced, "--")):
+            time = record.time - record.time[0]
+            label = "full" if dash == "-" else "reduced"
+            left.plot(time, record[f"tau_hum_{apart.joint}"], dash, color=BLUE, label=label)
+            human = _human_joint(record, apart.joint)
+            slip = np.degrees(record[f"q_{human}"] - record[f"theta_{apart.joint}"])
+            middle.plot(time, slip, dash, color=ORANGE, label=label)
+            for limb, colour in (("upper", GREEN), ("fore", PINK)):
+                place = [record[f"displacement_{limb}_{axis}"] for axis in "xyz"]
+                right.plot(
+                    time,
+                    1e3 * np.linalg.norm(place, axis=0),
+                    dash,
+                    color=colour,
+                    label=f"{limb}, {label}",
+                )
+        left.set(xlabel="time (s)", ylabel="torque of the arm (N m)", title="Torque")
+        middle.set(xlabel="time (s)", ylabel="elbow less device (deg)", title="Slip")
+        right.set(xlabel="time (s)", ylabel="moved in its cuff (mm)", title="Limbs")
+        for one in grid[0]:
+            low, high = one.get_ylim()
+            one.set_ylim(low, high + 0.4 * (high - low))  # of which the legend has the top
+            one.legend(loc="upper right", fontsize=7)
+        return grid
+
+
 def assessment_scheme(axes: Any = None) -> np.ndarray:
     """How an assessment works, as a block diagram (Fig. 7 of Tesfazgi 2023)."""
     with style():

@@ -42,6 +42,7 @@ from ._exo_assessment import (
     with_errors,
 )
 from ._exo_batch import AssessmentBatch, AssessmentModel, assess_batch, published_factors
+from ._exo_difference import PlantDifference, difference
 from ._exo_patient import patient, population
 from ._exo_published import (
     PUBLISHED_DEFECTS,
@@ -80,6 +81,7 @@ __all__ = [
     "InterfaceState",
     "PUBLISHED_DEFECTS",
     "Plant",
+    "PlantDifference",
     "Protocol",
     "PublishedAssessment",
     "Renderer",
@@ -341,6 +343,42 @@ class Plant:
         out = ffi.new("ulna_plant **")
         long_call(lib.ulna_plant_reduce, self._pointer, reduction, ffi.NULL, out)
         return Plant(_Plant(out[0]))
+
+    def difference(
+        self,
+        reduced: Plant | None = None,
+        *,
+        protocol: Protocol | None = None,
+        **estimator: Any,
+    ) -> PlantDifference:
+        """What the reduced plant costs: an assessment with it beside one with this plant.
+
+        Parameters
+        ----------
+        reduced : Plant, optional
+            Default: this plant's, by the defaults of :meth:`reduced`.
+        protocol : Protocol, optional
+            Of both. Reduce for its range and activation.
+        **estimator
+            As of :func:`identify_viscoelasticity`.
+
+        Returns
+        -------
+        PlantDifference
+            Bushings know no pressure, pressed area, tension and sliding: those are not compared.
+
+        Raises
+        ------
+        AnalysisError
+            When one of the two runs does not end as ok.
+
+        Examples
+        --------
+        >>> apart = exoskeleton(soft=True).difference()
+        >>> bool(abs(apart.k_error) < 0.2)
+        True
+        """
+        return difference(self, reduced, protocol, **estimator)
 
     @property
     def bushings(self) -> tuple[Bushing, ...]:

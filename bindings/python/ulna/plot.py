@@ -20,7 +20,13 @@ import numpy as np
 
 from ._figure import BLUE, GREEN, GREY, INK, ORANGE, SKY, WIDTH_IN, axes_grid, style
 from ._plot_effort import effort_change, force_curves, subject_lines
-from ._plot_exo import assessment, assessment_scheme, compression, elbow_torque
+from ._plot_exo import (
+    assessment,
+    assessment_scheme,
+    compression,
+    elbow_torque,
+    plant_difference,
+)
 from ._plot_models import orders, response, transfer_function
 from ._plot_overhead import effort_by_block, effort_over_time, interval_coverage
 from ._plot_passivity import allowed, port_indices, two_port
@@ -81,6 +87,7 @@ __all__ = [
     "parameters",
     "patient",
     "pictures",
+    "plant_difference",
     "port_indices",
     "prediction",
     "record",

@@ -26,6 +26,10 @@ typedef struct ulna_mobilisation ulna_mobilisation;
  * @since 0.1 */
 typedef struct ulna_viscoelastic ulna_viscoelastic;
 
+/** An assessment with a full plant beside that with its reduced one.
+ * @since 0.1 */
+typedef struct ulna_plant_difference ulna_plant_difference;
+
 /** The derivative gain is damping in the joints: stable with any arm. @since 0.1 */
 #define ULNA_TORQUE_IMPLICIT (0)
 /** The torque is recomputed at every time step. @since 0.1 */
@@ -159,8 +163,8 @@ typedef struct ulna_viscoelastic_options {
   int32_t human_angle;       /* 1: the true human angle as regressor; simulated records only */
   int32_t no_intercept;      /* 1: no torque at angle 0 */
   int32_t no_rate;           /* 1: no rate as regressor, and no D */
-  int32_t errors;            /* ULNA_ERRORS_... */
-  int32_t count_misfit;      /* 1: what a line leaves of the muscles' curves counts as error */
+  int32_t errors;            /* ULNA_ERRORS_...: with the misfit counted */
+  int32_t reserved;          /* zero */
   double hac_lag_s;          /* 0: 0.4 */
   double block_s;            /* 0: 0.4 */
   int64_t bootstrap;         /* resamples; 0: 1000 */
@@ -168,29 +172,54 @@ typedef struct ulna_viscoelastic_options {
   int64_t seed;              /* 0 is a seed */
 } ulna_viscoelastic_options;
 
-/** Stiffness and damping of a joint. What is not known is NaN.
+/** Stiffness and damping of a joint. What is not known is NaN. Errors and intervals are those of
+ * the noise of the measurement, found beside all that is a function of angle and rate; noise as
+ * slow as the movement cannot be told from the arm. Those with the misfit count all that a straight
+ * line leaves.
  * @since 0.1 */
 typedef struct ulna_viscoelastic_joint {
-  int64_t struct_size;       /* set by the caller to sizeof(ulna_viscoelastic_joint) */
-  int64_t rows;              /* of the record */
-  double k;                  /* N m/rad */
-  double d;                  /* N m s/rad */
-  double offset;             /* torque at angle 0, N m */
-  double k_error;            /* standard error */
-  double d_error;            /* standard error */
-  double k_interval[2];      /* low, high */
-  double d_interval[2];      /* low, high */
-  double level;              /* of the intervals */
-  double r_squared;          /* share of the torque's variance */
-  double residual_rms;       /* of the regression, N m */
-  double noise_rms;          /* of it, what is no smooth function of angle and rate, N m */
-  double condition;          /* of the regressors */
-  double true_k;             /* by the same regressors, N m/rad */
-  double true_d;             /* N m s/rad */
-  double true_k_alone;       /* slope on the human angle with intercept only: as published */
-  double model_residual_rms; /* nominal less true torque of the muscles, N m */
-  double model_residual_max; /* N m */
+  int64_t struct_size;         /* set by the caller to sizeof(ulna_viscoelastic_joint) */
+  int64_t rows;                /* of the record */
+  double k;                    /* N m/rad */
+  double d;                    /* N m s/rad */
+  double offset;               /* torque at angle 0, N m */
+  double k_error;              /* standard error */
+  double d_error;              /* standard error */
+  double k_interval[2];        /* low, high */
+  double d_interval[2];        /* low, high */
+  double k_misfit_error;       /* standard error with the misfit counted */
+  double d_misfit_error;       /* standard error with the misfit counted */
+  double k_misfit_interval[2]; /* low, high */
+  double d_misfit_interval[2]; /* low, high */
+  double level;                /* of the intervals */
+  double r_squared;            /* share of the torque's variance */
+  double residual_rms;         /* of the regression, N m */
+  double noise_rms;            /* of it, what is no function of angle and rate, N m */
+  double condition;            /* of the regressors */
+  double true_k;               /* by the same regressors, N m/rad */
+  double true_d;               /* N m s/rad */
+  double true_k_alone;         /* slope on the human angle with intercept only: as published */
+  double model_residual_rms;   /* nominal less true torque of the muscles, N m */
+  double model_residual_max;   /* N m */
 } ulna_viscoelastic_joint;
+
+/** What the reduced plant costs in one assessment. What an assessment does not give is NaN. Not
+ * compared is what bushings do not know: pressure, pressed area, tension of the strap, sliding.
+ * @since 0.1 */
+typedef struct ulna_plant_difference_result {
+  int64_t struct_size;       /* set by the caller to sizeof(ulna_plant_difference_result) */
+  double full_k;             /* of the full plant, N m/rad */
+  double full_k_error;       /* of it, less the true one */
+  double full_d;             /* N m s/rad */
+  double full_slip_rad;      /* largest since donned */
+  double k;                  /* reduced less full, N m/rad */
+  double k_error;            /* reduced less full, of k less the true one */
+  double d;                  /* reduced less full, N m s/rad */
+  double slip_rad;           /* reduced less full */
+  double torque_rms_nm;      /* of the muscles' torque by the nominal model */
+  double angle_rms_rad;      /* of the human joint */
+  double displacement_rms_m; /* of the limbs in their cuffs */
+} ulna_plant_difference_result;
 
 /** The published simulation (Tesfazgi 2023), built again from its numbers, with the factors of its
  * study and the defects of its plant as switches. Zero bytes are the nominal arm and every defect;
@@ -294,6 +323,41 @@ ULNA_API ulna_status ulna_viscoelastic_get_joint(const ulna_viscoelastic *viscoe
  * @since 0.1 */
 ULNA_API ulna_status ulna_viscoelastic_text(const ulna_viscoelastic *viscoelastic, int64_t joint,
                                             char *out_text, int64_t capacity, int64_t *out_size);
+
+/** Assesses the arm of a plant with soft interfaces and that of its reduced plant by the same
+ * protocol and estimator, and compares the first joint that moved. Fails with ULNA_ERROR_ANALYSIS
+ * when one of the two runs does not end as ok.
+ * @thread shared full
+ * @since 0.1 */
+ULNA_API ulna_status ulna_plant_difference_new(const ulna_plant *full, const ulna_plant *reduced,
+                                               const ulna_protocol *protocol,
+                                               const ulna_viscoelastic_options *options,
+                                               ulna_token *token,
+                                               ulna_plant_difference **out_difference);
+
+/** Frees a comparison; NULL is allowed.
+ * @thread exclusive difference
+ * @since 0.1 */
+ULNA_API void ulna_plant_difference_free(ulna_plant_difference *difference);
+
+/** Its numbers.
+ * @thread shared difference
+ * @since 0.1 */
+ULNA_API ulna_status ulna_plant_difference_get_result(const ulna_plant_difference *difference,
+                                                      ulna_plant_difference_result *out_result);
+
+/** Name of the joint that is compared.
+ * @thread shared difference
+ * @since 0.1 */
+ULNA_API ulna_status ulna_plant_difference_text(const ulna_plant_difference *difference,
+                                                char *out_text, int64_t capacity,
+                                                int64_t *out_size);
+
+/** The record of one of the two mobilisations. reduced: 0 the full plant's, 1 the reduced one's.
+ * @thread shared difference
+ * @since 0.1 */
+ULNA_API ulna_status ulna_plant_difference_record(const ulna_plant_difference *difference,
+                                                  int32_t reduced, ulna_record **out_record);
 
 /** Impedance of the muscles alone at states of the human joints (rows), -d tau / d q and -d tau / d
  * q', each row by row: rows x (2 human joints squared). activation: rows x muscles.

@@ -6,6 +6,17 @@
 #include "base/error.hpp"
 
 namespace ulna {
+namespace {
+
+// Rms over the rows that both have of the distance between points, `width` columns each.
+double rms_apart(const Matrix& full, const Matrix& reduced, Index width) {
+  const Index rows = std::min(full.rows(), reduced.rows());
+  if (rows == 0 || full.cols() == 0 || full.cols() != reduced.cols()) return kNaN;
+  const auto points = static_cast<double>(rows * full.cols() / width);
+  return (reduced.topRows(rows) - full.topRows(rows)).norm() / std::sqrt(points);
+}
+
+}  // namespace
 
 PlantDifference PlantDifference::between(const std::vector<PlantOutcome>& full,
                                          const std::vector<PlantOutcome>& reduced) {
@@ -14,11 +25,11 @@ PlantDifference PlantDifference::between(const std::vector<PlantOutcome>& full,
               std::to_string(reduced.size()) + " of the reduced one");
   const auto n = static_cast<Index>(full.size());
   PlantDifference d;
-  for (Vector* v : {&d.k, &d.k_error, &d.d, &d.slip, &d.angle}) *v = Vector::Constant(n, kNaN);
+  for (Vector* v : {&d.k, &d.k_error, &d.d, &d.slip, &d.angle, &d.torque, &d.displacement})
+    *v = Vector::Constant(n, kNaN);
   for (Index i = 0; i < n; ++i) {
     const PlantOutcome& f = full[static_cast<std::size_t>(i)];
     const PlantOutcome& r = reduced[static_cast<std::size_t>(i)];
-    const Index rows = std::min(f.angle.size(), r.angle.size());
     const double k = r.k - f.k;
     if (!std::isfinite(k)) continue;
     ++d.samples;
@@ -26,9 +37,9 @@ PlantDifference PlantDifference::between(const std::vector<PlantOutcome>& full,
     d.k_error[i] = (r.k - r.k_true) - (f.k - f.k_true);
     d.d[i] = r.d - f.d;
     d.slip[i] = r.slip - f.slip;
-    if (rows == 0) continue;
-    d.angle[i] =
-        (r.angle.head(rows) - f.angle.head(rows)).norm() / std::sqrt(static_cast<double>(rows));
+    d.angle[i] = rms_apart(f.angle, r.angle, 1);
+    d.torque[i] = rms_apart(f.torque, r.torque, 1);
+    d.displacement[i] = rms_apart(f.displacement, r.displacement, 3);
   }
   const auto rms = [](const Vector& values) {
     double sum = 0.0, count = 0.0;
@@ -44,6 +55,8 @@ PlantDifference PlantDifference::between(const std::vector<PlantOutcome>& full,
   d.d_rms = rms(d.d);
   d.slip_rms = rms(d.slip);
   d.angle_rms = rms(d.angle);
+  d.torque_rms = rms(d.torque);
+  d.displacement_rms = rms(d.displacement);
   return d;
 }
 
