@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import pickle
+import signal
 import threading
 
 import numpy as np
@@ -224,12 +226,18 @@ def test_published_factors():
     assert factors["fore_factor"].high == pytest.approx(0.99, abs=5e-4)
 
 
-def test_a_batch_is_interrupted():
-    """Ctrl-C during a long batch: the call ends soon, and the model can be used again."""
-    import _thread
+@pytest.fixture
+def interruptible():
+    """Ctrl-C arrives, as it does not in a shell's background jobs."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
+
+def test_a_batch_is_interrupted(interruptible):
+    """Ctrl-C during a long batch: the call ends soon, and the model can be used again."""
     model = exo.AssessmentModel(["fore_factor"], protocol=BRIEF, threads=2)
-    timer = threading.Timer(0.3, _thread.interrupt_main)
+    timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
     timer.start()
     with pytest.raises(KeyboardInterrupt):
         model.run({"fore_factor": np.full(100_000, 1.0)})
