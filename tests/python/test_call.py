@@ -1,9 +1,7 @@
 """The helpers between Python and C: errors, views, options, texts, tokens and Ctrl-C."""
 
 import gc
-import os
 import pickle
-import signal
 import subprocess
 import sys
 import threading
@@ -12,6 +10,7 @@ import weakref
 
 import numpy as np
 import pytest
+from ctrl_c import ctrl_c
 
 import ulna
 from ulna import _call
@@ -184,17 +183,11 @@ def test_a_failing_long_call_raises_the_error_of_its_thread():
 
 
 def test_ctrl_c_stops_a_long_call(slow):
-    # A shell that starts this in the background has it ignore the signal.
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     started = time.perf_counter()
-    timer = threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT))
-    timer.start()
-    with pytest.raises(KeyboardInterrupt):
+    with ctrl_c(after_s=0.2), pytest.raises(KeyboardInterrupt):
         _call.long_call(slow, 2_000, [])
-    signal.signal(signal.SIGINT, before)
     # 50 ms is what the interface promises; the rest is room for a busy machine.
     assert time.perf_counter() - started - 0.2 < 1.0
-    timer.join()
 
 
 def test_a_progress_bar_shows(slow, capsys):

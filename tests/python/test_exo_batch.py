@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import pickle
-import signal
-import threading
 
 import numpy as np
 import pytest
+from ctrl_c import ctrl_c
 
 import ulna
 from ulna import exo
@@ -226,20 +224,9 @@ def test_published_factors():
     assert factors["fore_factor"].high == pytest.approx(0.99, abs=5e-4)
 
 
-@pytest.fixture
-def interruptible():
-    """Ctrl-C arrives, as it does not in a shell's background jobs."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
-
-
-def test_a_batch_is_interrupted(interruptible):
+def test_a_batch_is_interrupted():
     """Ctrl-C during a long batch: the call ends soon, and the model can be used again."""
     model = exo.AssessmentModel(["fore_factor"], protocol=BRIEF, threads=2)
-    timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
-    timer.start()
-    with pytest.raises(KeyboardInterrupt):
+    with ctrl_c(after_s=0.3), pytest.raises(KeyboardInterrupt):
         model.run({"fore_factor": np.full(100_000, 1.0)})
-    timer.cancel()
     assert model.run({"fore_factor": [1.0]}).status == ("ok",)
