@@ -24,9 +24,6 @@ _SHOWN = ("norm", "mean absolute", "torso", "left arm", "right arm", "left leg",
 
 def write(study: OverheadStudy, folder: Path, command: str) -> Path:
     """Everything into a folder; the path of the report."""
-    import matplotlib
-
-    matplotlib.use("Agg")  # nothing opens a window
     for part in ("tables", "figures"):
         (folder / part).mkdir(parents=True, exist_ok=True)
     found = study.tables()
