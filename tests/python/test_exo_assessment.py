@@ -148,6 +148,13 @@ def test_runs_that_go_wrong_have_a_status_and_nothing_else(plant):
     assert "timeout" in repr(late) and "computing took longer" in late.summary()
 
 
+def test_movement_that_says_nothing_keeps_its_log(plant):
+    still = exo.mobilise(plant, exo.Protocol(shape="ramp", moved={"J4": 110 * DEGREE}))
+    assert still.status == "nonfinite"
+    assert "'J4' moves by" in still.reason and "move it further" in still.reason
+    assert still.joints == () and len(still.record.time) == 601
+
+
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
@@ -222,6 +229,11 @@ def test_command_with_a_scene(tmp_path, capsys):
     scene.write_text("[protocol]\nkp = 0\nki = 0\nstart_limit_s = 1\n")
     assert run("--scene", scene) == 1
     assert capsys.readouterr().out.startswith("failed_init: the start was not reached")
+    scene.write_text('[protocol]\nshape = "ramp"\nmoved = {J4 = 1.9198621771937625}\n')
+    out = tmp_path / "still.csv"
+    assert run("--scene", scene, "--out", out, "--noise", 1e-3) == 1
+    assert "move it further" in capsys.readouterr().out
+    assert len(ulna.read(out).time) == 601
     for text, words in (
         ("[scene]\nlegs = 2\n", "[scene] has 'legs'"),
         ("[protocol]\nspeed = 2\n", "[protocol] has 'speed'"),

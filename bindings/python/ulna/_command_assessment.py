@@ -79,12 +79,10 @@ def _assess(options: argparse.Namespace) -> int:
         record = exo.with_errors(
             record, plant, torque_nm=options.noise, seed=options.seed
         )
-        if found.status == "ok":
-            joints = exo.identify_viscoelasticity(
-                record, plant, published=options.published
-            )
     if record is not None and options.out is not None:
-        record.to_csv(options.out)
+        record.to_csv(options.out)  # before anything that can be refused of it
+    if record is not None and options.noise > 0 and found.status == "ok":
+        joints = exo.identify_viscoelasticity(record, plant, published=options.published)
     if options.json:
         print(
             json.dumps(

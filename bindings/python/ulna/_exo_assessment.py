@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._call import (
+    AnalysisError,
+    DataError,
     Handle,
     check,
     constants,
@@ -298,7 +300,8 @@ class Assessment:
     Attributes
     ----------
     status : str
-        ok, failed_init, diverged, limit, timeout, nonfinite.
+        ok, failed_init, diverged, limit, timeout, nonfinite. The last one is also a movement that
+        says nothing of a joint: an arm that has left its strap does not move.
     reason : str
         One sentence; empty for ok.
     record : Record or None
@@ -384,14 +387,18 @@ def mobilise(
     if raw.rows > 0:
         record = Record(_Record.make(lib.ulna_mobilisation_record, handle.pointer))
     status = _STATUSES[raw.status]
+    reason = text(lib.ulna_mobilisation_text, handle.pointer, lib.ULNA_MOBILISATION_REASON)
     joints: tuple[Viscoelasticity, ...] = ()
     if status == "ok" and record is not None:
-        joints = identify_viscoelasticity(
-            record, plant, nominal=nominal, published=published_estimator
-        )
+        try:
+            joints = identify_viscoelasticity(
+                record, plant, nominal=nominal, published=published_estimator
+            )
+        except (AnalysisError, DataError) as failure:  # of the movement: its log is kept
+            status, reason = "nonfinite", str(failure)
     return Assessment(
         status=status,
-        reason=text(lib.ulna_mobilisation_text, handle.pointer, lib.ULNA_MOBILISATION_REASON),
+        reason=reason,
         record=record,
         joints=joints,
         notes=tuple(
