@@ -111,11 +111,8 @@ def say(options: argparse.Namespace, name: str, found: Any, values: dict[str, An
 
 
 def _write(folder: Path, name: str, found: Any, text: str) -> None:
-    import matplotlib
-
     from . import plot
 
-    matplotlib.use("Agg")  # a command opens no window
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "result.json").write_text(text + "\n", encoding="utf-8")
     with plot.style():
@@ -196,14 +193,15 @@ def pair(text: str) -> tuple[float, float]:
     return number(parts[0]), number(parts[1])
 
 
-def require_matplotlib() -> None:
-    """Refuse `--out` early where there is nothing to draw with."""
+def require_matplotlib(option: str = "--out") -> None:
+    """Draw without windows; refuse `option` early where there is nothing to draw with."""
     try:
-        import matplotlib  # noqa: F401
+        import matplotlib
     except ImportError as failure:
         raise Usage(
-            "--out needs matplotlib: install it with `pip install ulna[plot]`"
+            f"{option} needs matplotlib: install it with `pip install ulna[plot]`"
         ) from failure
+    matplotlib.use("Agg")
 
 
 def check_folder(folder: Path) -> None:

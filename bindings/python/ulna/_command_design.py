@@ -173,7 +173,7 @@ def _design(options: argparse.Namespace) -> int:
     if target is not None and target.is_dir():
         raise Usage(f"--out {target} is a folder: give the name of a file")
     if options.plot:
-        _require_plots()
+        require_matplotlib("--plot")
     limits = Limits(
         force=options.limit_force,
         displacement=options.limit_displacement,
@@ -271,17 +271,7 @@ def _fitted(
     return made, made.check(arm, robot=robot, limits=limits, noise=noise)
 
 
-def _require_plots() -> None:
-    try:
-        require_matplotlib()
-    except Usage as failure:
-        raise Usage(str(failure).replace("--out", "--plot", 1)) from failure
-
-
 def _write_figure(made: Any, target: Path | None) -> Path:
-    import matplotlib
-
-    matplotlib.use("Agg")  # a command opens no window
     import matplotlib.pyplot as plt
 
     path = Path("design.png") if target is None else target.with_suffix(".png")

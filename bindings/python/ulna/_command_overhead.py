@@ -58,9 +58,6 @@ def _run(options: argparse.Namespace) -> int:
     from .overhead import Protocol, overhead_study
 
     require_matplotlib()
-    import matplotlib
-
-    matplotlib.use("Agg")  # a command opens no window
     folder = Path(options.out)
     check_folder(folder)
     asked = {"blocks": options.blocks, "repetitions": options.repetitions}

@@ -122,9 +122,6 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _draw(found: Any, folder: Path) -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")  # a command opens no window
     import matplotlib.pyplot as plt
 
     from ._figure import style

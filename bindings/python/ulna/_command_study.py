@@ -322,9 +322,6 @@ def _tell(found: Any, folder: Path, options: argparse.Namespace) -> int:
     folder.mkdir(parents=True, exist_ok=True)
     pictures = []
     if not options.no_figures:
-        import matplotlib
-
-        matplotlib.use("Agg")  # a command opens no window
         figures = folder / "figures"
         figures.mkdir(exist_ok=True)
         pictures = list(found.pictures())

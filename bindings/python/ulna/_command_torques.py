@@ -88,11 +88,8 @@ def _run(options: argparse.Namespace) -> int:
 
 def _write(options: argparse.Namespace, folder: Path, found: Any, text: str) -> list[str]:
     """Everything that ``--out`` promises, and a line for what could not be written."""
-    import matplotlib
-
     from ._capture_report import pictures, write_report
 
-    matplotlib.use("Agg")  # a command opens no window
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "result.json").write_text(text + "\n", encoding="utf-8")
     found.tables(folder)

@@ -273,12 +273,9 @@ def _assess(options: argparse.Namespace) -> int:
 
 
 def _write_results(estimate: Any, page: Path, text: str, options: argparse.Namespace) -> None:
-    import matplotlib
-
     from . import plot
     from .report import report
 
-    matplotlib.use("Agg")  # a command opens no window
     figures = page.parent / "figures"
     figures.mkdir(parents=True, exist_ok=True)
     pictures = list(plot.pictures(estimate, shoulder_m=options.shoulder))
