@@ -45,7 +45,10 @@ ExoLink link_of(const ulna_scene_options& o, const Vector& v, Index i) {
 
 ExoDescription exo_of(const ulna_scene_options& o) {
   ExoDescription exo = ExoDescription::published();
+  const bool published_straps = flag(o.published_straps, "published_straps");
   if (o.links != nullptr) {
+    require(!published_straps, "published_straps",
+            "a device that is described by its links has no straps: leave published_straps out");
     const Matrix m = map_view(o.links, "links");
     require(m.cols() == kLinkValues && m.rows() >= 2, "links",
             "links must have 26 columns and two rows or more");
@@ -61,7 +64,7 @@ ExoDescription exo_of(const ulna_scene_options& o) {
     exo.upper_link = exo.links[exo.links.size() - 2].name;
     exo.fore_link = exo.links.back().name;
   }
-  if (flag(o.published_straps, "published_straps")) exo.use_published_straps();
+  if (published_straps) exo.use_published_straps();
   return exo;
 }
 

@@ -82,6 +82,7 @@ ReductionOptions reduction_of(const ulna_reduction_options* options) {
   // Too many are refused by name, whatever an int holds.
   if (o.poses != 0) r.poses = static_cast<int>(std::clamp<std::int64_t>(o.poses, -1, 1'000'000));
   r.activation = or_none(o.activation, r.activation);
+  r.check();
   return r;
 }
 

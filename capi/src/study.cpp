@@ -87,7 +87,9 @@ SamplingSpec sampling_spec(const ulna_sampling_options* given) {
   if (o.replicates != 0) out.replicates = o.replicates;
   if (o.levels != 0) out.levels = o.levels;
   if (o.candidates != 0) out.candidates = o.candidates;
-  if (o.guard != 0.0 || out.sampler == Sampler::kPooledLatin) out.guard = std::max(0.0, o.guard);
+  if (o.guard != 0.0 || out.sampler == Sampler::kPooledLatin) {
+    out.guard = o.guard < 0.0 ? 0.0 : o.guard;  // NaN stays, and is refused
+  }
   out.second_order = o.second_order != 0;
   out.seed = static_cast<std::uint64_t>(o.seed);
   return out;

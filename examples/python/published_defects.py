@@ -1,12 +1,12 @@
 """The defects of the published simulation (Tesfazgi 2023), left out one by one.
 
-    python examples/python/published_defects.py --samples 24 --to docs/results/published-defects.csv
+    python examples/python/published_defects.py --to docs/results/published-defects.csv
 
-First the nominal arm without each defect, then samples of `published_study.py`. Each sample is run
-without the two defects that end runs (the torque held for 10 ms, the straps as soft as the tissue),
-and the log is identified four times: a defect of the estimator needs no run of its own. The first
-samples are run without each of those two, and without the fall from the horizontal. Rows are kept as
-they come, and those that are there already are not run again: half a minute a run on one core.
+First the nominal arm without each defect, then samples of `published_study.py`. Some are run without
+one defect at a time (`--alone`). Others are run without the two defects that end runs, the torque held
+for 10 ms and straps as soft as the tissue, and each log is identified four times (`--estimators`): a
+defect of the estimator needs no run of its own. Rows are kept as they come, and those that are there
+already are not run again: half a minute a run on one core.
 """
 
 import argparse
@@ -21,7 +21,10 @@ from ulna import exo
 
 TWO_FIXES = ("hold", "strap_mask")
 ESTIMATOR = ("nominal", "human_angle")  # what a log of the same run is identified with
-ALONE = ("hold", "strap_mask", "drop")  # run on the first samples, one left out at a time
+# Left out on samples, one at a time; without limits the held torque diverges, so all three go.
+ALONE = (("hold",), ("strap_mask",), ("drop",), (*TWO_FIXES, "limits"))
+# Of the nominal arm, beside each defect alone.
+TOGETHER = (("hold", "limits"), (*TWO_FIXES, "limits"), (*TWO_FIXES, "drop"), (*TWO_FIXES, "self_contact"))
 COLUMNS = (
     "arm", "left_out", "status", "k_nm_rad", "true_k_nm_rad", "error_nm_rad", "largest_slip_deg",
     "reason",
@@ -86,18 +89,19 @@ def run_estimators(name: str) -> Iterator[dict[str, object]]:
         yield row_of(name, TWO_FIXES + more, first.assessment, k, true_k)
 
 
-def tasks(count: int, alone: int) -> Iterator[tuple[Key, Iterator[dict[str, object]]]]:
+def tasks(estimators: range, alone: range) -> Iterator[tuple[Key, Iterator[dict[str, object]]]]:
     """What is run, in order: the key of its first row, and its rows."""
-    for left_out in ((), *((defect,) for defect in exo.PUBLISHED_DEFECTS)):
+    for left_out in ((), *((defect,) for defect in exo.PUBLISHED_DEFECTS), *TOGETHER):
         yield ("nominal", name_of(left_out)), run_once("nominal", left_out)
     yield ("nominal", name_of(TWO_FIXES)), run_estimators("nominal")
-    for sample in map(str, range(count)):
+    for sample in map(str, alone):
+        for left_out in ALONE:
+            yield (sample, name_of(left_out)), run_once(sample, left_out)
+    for sample in map(str, estimators):
         yield (sample, name_of(TWO_FIXES)), run_estimators(sample)
-        for defect in ALONE if int(sample) < alone else ():
-            yield (sample, defect), run_once(sample, (defect,))
 
 
-def run(path: Path, count: int, alone: int) -> None:
+def run(path: Path, estimators: range, alone: range) -> None:
     there = rows_of(path)
     done = {(row["arm"], row["left_out"]) for row in there}
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -105,19 +109,30 @@ def run(path: Path, count: int, alone: int) -> None:
         table = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         if not there:
             table.writeheader()
-        for key, rows in tasks(count, alone):
+        for key, rows in tasks(estimators, alone):
             if key not in done:
                 table.writerows(list(rows))  # all rows of a run or none
                 file.flush()
 
 
+def span(text: str) -> range:
+    """Samples from the first to before the last one, as 0:40."""
+    first, _, last = text.partition(":")
+    return range(int(first), int(last))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--samples", type=int, default=24, help="with both fixes, four estimators")
-    parser.add_argument("--alone", type=int, default=12, help="of these, with one defect left out")
+    for name, default, words in (
+        ("--alone", "0:40", "samples that are run without one defect at a time"),
+        ("--estimators", "42:160", "samples that are run once and identified in four ways"),
+    ):
+        parser.add_argument(
+            name, type=span, default=default, metavar="FIRST:LAST", help=f"{words} (default: {default})"
+        )
     parser.add_argument("--to", type=Path, default=Path("out/published-defects.csv"))
     arguments = parser.parse_args()
-    run(arguments.to, arguments.samples, arguments.alone)
+    run(arguments.to, arguments.estimators, arguments.alone)
 
 
 if __name__ == "__main__":

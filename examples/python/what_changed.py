@@ -3,11 +3,14 @@
     python examples/python/what_changed.py
 
 reads the stored runs of `published_study.py` and `published_defects.py` in docs/results, writes
-docs/results/what-changed.csv and prints the tables of docs/what-changed.md. Nothing is run.
+what-changed.csv (parts in each setting) and what-changed-pairs.csv (how a defect moves them) there and
+prints the tables of docs/what-changed.md. Nothing is run.
 
 Some dozens of runs are too few for shares of the variance. A factor's part is its squared
 standardised regression coefficient, with a 90 % interval from 2000 bootstrap samples of the runs;
-these parts add up to the R² of a straight model when the factors are independent.
+these parts add up to the R² of a straight model when the factors are independent. What a defect does
+to them is told by the same arms with and without it, drawn together, so that what the two settings
+share does not widen the interval.
 """
 
 import argparse
@@ -21,8 +24,24 @@ from published_study import FACTORS, rows_of, samples
 RESULTS = Path(__file__).resolve().parents[2] / "docs" / "results"
 HELD_DEG = 60.0  # above, the arm has left its strap
 LEVEL = (0.05, 0.95)
+LEAST = 12  # runs for a ranking
+ERROR = "error_nm_rad"
+# Settings, by what is left out, whose runs differ by one defect or by the two that end runs.
+PAIRS = (
+    ("none", "hold"),
+    ("none", "strap_mask"),
+    ("none", "drop"),
+    ("none", "hold+strap_mask"),
+    ("hold+strap_mask", "hold+strap_mask+limits"),
+    ("hold+strap_mask", "hold+strap_mask+nominal"),
+    ("hold+strap_mask", "hold+strap_mask+human_angle"),
+    ("hold+strap_mask", "hold+strap_mask+nominal+human_angle"),
+)
 
-Rows = list[dict[str, str]]
+Row = dict[str, str]
+Rows = list[Row]
+# Runs of the same arms with a defect and without it.
+Pairs = list[tuple[Row, Row]]
 
 
 def parts(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -77,34 +96,18 @@ def rankings(study: Rows, defects: Rows) -> Iterator[tuple[str, str, np.ndarray,
     rows = [r for r in study if r["setting"] == "published"]
     error = np.nan_to_num(column(rows, "error_nm_rad"))
     yield "every defect, flagged runs as 0", "error", points(rows, "sample"), error
-    for more, words in (
-        ("human_angle", "without hold, strap_mask, human_angle"),
-        ("nominal", "without hold, strap_mask, nominal"),
-        ("nominal+human_angle", "without hold, strap_mask, nominal, human_angle"),
-    ):
-        left_out = f"hold+strap_mask+{more}"
+    for left_out in dict.fromkeys(after for _, after in PAIRS):
         rows = [r for r in defects if r["left_out"] == left_out and r["arm"] != "nominal"]
         rows = held(rows)
-        if len(rows) > 2 * len(FACTORS):
+        if left_out != "hold+strap_mask" and len(rows) >= LEAST:
             for quantity in ("error", "K"):
+                words = f"without {left_out.replace('+', ', ')}"
                 yield words, quantity, points(rows, "arm"), column(rows, quantities[quantity])
 
 
-# Pairs of settings whose runs differ by one defect: with it, and with it left out too.
-PAIRS = (
-    ("none", "hold"),
-    ("none", "strap_mask"),
-    ("none", "drop"),
-    ("none", "hold+strap_mask"),
-    ("hold+strap_mask", "hold+strap_mask+nominal"),
-    ("hold+strap_mask", "hold+strap_mask+human_angle"),
-    ("hold+strap_mask", "hold+strap_mask+nominal+human_angle"),
-)
-
-
-def alone(study: Rows, defects: Rows) -> Iterator[tuple[str, str, int, int, float, float]]:
-    """Of a defect left out: pairs of runs, flags that go, mean and spread of the change of error."""
-    runs: dict[str, dict[str, dict[str, str]]] = {}
+def paired(study: Rows, defects: Rows) -> Iterator[tuple[str, str, Pairs]]:
+    """Settings in words, and their runs of the same arms."""
+    runs: dict[str, dict[str, Row]] = {}
     for r in defects:
         if r["arm"] != "nominal":
             runs.setdefault(r["left_out"], {})[r["arm"]] = r
@@ -113,13 +116,38 @@ def alone(study: Rows, defects: Rows) -> Iterator[tuple[str, str, int, int, floa
         runs.setdefault(left_out, {})[r["sample"]] = r
     for before, after in PAIRS:
         first, second = runs.get(before, {}), runs.get(after, {})
-        pairs = [(first[arm], r) for arm, r in second.items() if arm in first]
-        gone = sum(a["status"] != "ok" and b["status"] == "ok" for a, b in pairs)
-        both = [(a, b) for a, b in pairs if held([a]) and held([b])]
-        change = np.array([float(b["error_nm_rad"]) - float(a["error_nm_rad"]) for a, b in both])
-        if len(change) > 2:
-            words = [w.replace("+", ", ").replace("none", "every defect") for w in (before, after)]
-            yield (*words, len(pairs), gone, float(change.mean()), float(change.std(ddof=1)))
+        words = [w.replace("+", ", ").replace("none", "every defect") for w in (before, after)]
+        yield *words, [(first[arm], r) for arm, r in second.items() if arm in first]
+
+
+def both_held(pairs: Pairs) -> Pairs:
+    return [(a, b) for a, b in pairs if held([a]) and held([b])]
+
+
+def alone(pairs: Pairs) -> tuple[int, int, float, float]:
+    """Of a defect left out: flags that go and that come, mean and spread of the change of error."""
+    flagged = np.array([[r["status"] != "ok" for r in pair] for pair in pairs])
+    gone, come = int((flagged @ [1, -1] == 1).sum()), int((flagged @ [1, -1] == -1).sum())
+    kept = both_held(pairs)
+    change = column([b for _, b in kept], ERROR) - column([a for a, _ in kept], ERROR)
+    return gone, come, float(change.mean()), float(change.std(ddof=1))
+
+
+def moved(study: Rows, defects: Rows) -> Iterator[tuple[object, ...]]:
+    """Rows of what-changed-pairs.csv: how the parts of the error move, on the same arms."""
+    for before, after, pairs in paired(study, defects):
+        kept = both_held(pairs)
+        if len(kept) < LEAST:
+            continue
+        x = points([b for _, b in kept], "arm" if "arm" in kept[0][1] else "sample")
+        first, second = (column([pair[k] for pair in kept], ERROR) for k in (0, 1))
+        drawn = np.random.default_rng(0).integers(len(kept), size=(2000, len(kept)))
+        low, high = np.quantile(
+            [parts(x[i], second[i]) - parts(x[i], first[i]) for i in drawn], LEVEL, axis=0
+        )
+        change = parts(x, second) - parts(x, first)
+        for name, *cells in zip((*FACTORS, "R2"), change, low, high, strict=True):
+            yield (before, after, len(kept), name, *map(float, cells))
 
 
 def nominal_rows(defects: Rows) -> Iterator[str]:
@@ -144,35 +172,47 @@ def table(results: Path) -> Iterator[tuple[object, ...]]:
             yield (setting, quantity, len(y), name, *map(float, cells))
 
 
-def told(results: Path, rows: list[tuple[object, ...]]) -> Iterator[str]:
+def cells(rows: list[tuple[object, ...]], form: str) -> Iterator[str]:
+    """Lines of a Markdown table, a setting each, of rows that are a factor each."""
+    width = len(FACTORS) + 1
+    for k in range(0, len(rows), width):
+        found = [form.format(*row[4:7]) for row in rows[k : k + width]]
+        yield "| " + " | ".join([*map(str, rows[k][:3]), *found]) + " |"
+
+
+def told(
+    results: Path, rows: list[tuple[object, ...]], changes: list[tuple[object, ...]]
+) -> Iterator[str]:
+    study = rows_of(results / "published-study.csv")
     defects = rows_of(results / "published-defects.csv")
     yield "| left out | K | true K | error |\n|---|---|---|---|"
     yield from nominal_rows(defects)
-    yield "\n| from | to without | pairs | flags that go | change of the error |\n|---|---|---|---|---|"
-    study = rows_of(results / "published-study.csv")
-    for before, after, pairs, gone, mean, spread in alone(study, defects):
-        yield f"| {before} | {after} | {pairs} | {gone} | {mean:+.2f} ± {spread:.2f} |"
-    names = ["x1", "x2", "x3", "x4", "x5", "x6", "R²"]
-    yield "\n| setting | of | runs | " + " | ".join(names) + " |\n|---" + "|---" * 9 + "|"
-    width = len(names)
-    for k in range(0, len(rows), width):
-        setting, quantity, runs = rows[k][:3]
-        cells = [f"{r[4]:.2f} ({r[5]:.2f}–{r[6]:.2f})" for r in rows[k : k + width]]  # type: ignore
-        yield f"| {setting} | {quantity} | {runs} | " + " | ".join(cells) + " |"
+    yield "\n| from | to without | arms | flags that go, come | change of the error |\n" + "|---" * 5 + "|"
+    for before, after, pairs in paired(study, defects):
+        if len(both_held(pairs)) > 2:
+            gone, come, mean, spread = alone(pairs)
+            yield f"| {before} | {after} | {len(pairs)} | {gone}, {come} | {mean:+.2f} ± {spread:.2f} |"
+    names = " | ".join(["x1", "x2", "x3", "x4", "x5", "x6", "R²"])
+    yield f"\n| setting | of | runs | {names} |\n" + "|---" * 10 + "|"
+    yield from cells(rows, "{:.2f} ({:.2f}, {:.2f})")
+    yield f"\n| from | to without | runs | {names} |\n" + "|---" * 10 + "|"
+    yield from cells(changes, "{:+.2f} ({:+.2f}, {:+.2f})")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--results", type=Path, default=RESULTS, help="folder of the stored runs")
-    parser.add_argument("--to", type=Path, default=RESULTS / "what-changed.csv")
+    parser.add_argument("--to", type=Path, default=RESULTS, help="folder for the tables")
     chosen = parser.parse_args()
     rows = list(table(chosen.results))
-    write(
-        chosen.to,
-        ("setting", "quantity", "runs", "factor", "part", "low", "high"),
-        iter(rows),
+    columns = ("runs", "factor", "part", "low", "high")
+    write(chosen.to / "what-changed.csv", ("setting", "quantity", *columns), iter(rows))
+    changes = list(
+        moved(*(rows_of(chosen.results / f"published-{name}.csv") for name in ("study", "defects")))
     )
-    print("\n".join(told(chosen.results, rows)))
+    columns = ("runs", "factor", "change", "low", "high")
+    write(chosen.to / "what-changed-pairs.csv", ("from", "without", *columns), iter(changes))
+    print("\n".join(told(chosen.results, rows, changes)))
 
 
 if __name__ == "__main__":

@@ -1,8 +1,10 @@
 #include "plant/engine_mobilised.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include "base/error.hpp"
+#include "base/words.hpp"
 
 namespace ulna {
 namespace {
@@ -249,6 +251,45 @@ class WiredPlant final : public MobilisedPlant {
   std::shared_ptr<const WiredParts> p_;
 };
 
+// Whose names the parts of a plant have: its own description's; that of the nominal model where the
+// plant was read from a file or changed.
+const ExoScene& naming_scene(const ExoPlant& plant, const ExoScene* nominal) {
+  if (nominal == nullptr && !plant.has_nominal()) {
+    throw Error(Fault::kUnsupported, "plant",
+                "the plant has no nominal model, because it was read from a scene file or changed: "
+                "give a plant that is described as nominal");
+  }
+  if (plant.described() == nullptr) return *nominal;
+  const ExoScene& scene = *plant.described();
+  require(scene.coupling == Coupling::kRigid, "plant",
+          "the plant's device does not hold the arm: an assessment needs "
+          "coupling rigid or soft");
+  return scene;
+}
+
+// What a file says of itself is too little to trust: its actuators must be those of the nominal
+// model, and its muscles turn joints of the device.
+void check_read(const EngineModel& model, const EngineWiring& w) {
+  const auto is_there = [](const std::string& motor) { return !motor.empty(); };
+  const auto motors = std::count_if(w.motors.begin(), w.motors.end(), is_there);
+  const auto expected = static_cast<Index>(motors) + static_cast<Index>(w.muscles.size());
+  require(model.controls() == expected, "plant",
+          sentence(6, "the scene has ", model.controls(), " actuators, the nominal model ",
+                   expected, ": both must have the same motors and muscles"));
+  EngineRun run(model);
+  run.forward();
+  const Matrix moment = run.actuator_moment();
+  for (const std::string& muscle : w.muscles) {
+    for (const std::string& joint : w.device_joints) {
+      const Index i = model.at(Part::kActuator, muscle);
+      if (std::fabs(moment(i, model.velocity_of(joint))) > 1e-6) return;
+    }
+  }
+  require(w.muscles.empty(), "plant",
+          "no muscle of the scene turns a joint of its device: an assessment of a scene that was "
+          "read needs an arm that the device holds rigidly");
+}
+
 MuscleScale scale_of(const EngineModel& model, const std::string& muscle) {
   const std::vector<double> length = model.values(ModelQuantity::kLengthRange, muscle);
   const std::vector<double> numbers = model.values(ModelQuantity::kMuscle, muscle);
@@ -291,10 +332,7 @@ std::shared_ptr<const MobilisedPlant> mobilised(const EngineModel& model, Engine
 }
 
 std::shared_ptr<const MobilisedPlant> mobilised(const ExoPlant& plant, const ExoScene* nominal) {
-  const ExoScene& scene = plant.scene();
-  require(scene.coupling == Coupling::kRigid, "plant",
-          "the plant's device does not hold the arm: an assessment needs "
-          "coupling rigid or soft");
+  const ExoScene& scene = naming_scene(plant, nominal);
   EngineWiring wiring;
   for (const ExoLink& link : scene.exo.links) {
     wiring.device_joints.push_back(link.joint);
@@ -308,6 +346,7 @@ std::shared_ptr<const MobilisedPlant> mobilised(const ExoPlant& plant, const Exo
   }
   auto own =
       std::make_shared<const NominalModel>(nominal == nullptr ? scene : *nominal, plant.model());
+  if (plant.described() == nullptr) check_read(plant.model(), wiring);
   return mobilised(plant.model(), std::move(wiring), std::move(own));
 }
 

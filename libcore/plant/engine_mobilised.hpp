@@ -30,8 +30,10 @@ std::shared_ptr<const MobilisedPlant> mobilised(const EngineModel& model, Engine
                                                 std::shared_ptr<const NominalModel> nominal);
 
 // A plant whose device holds the arm rigidly: device joints are human joints. nominal: the scene of
-// the nominal model; NULL: the plant's own. Throws Error: kUnsupported for a plant without a
-// description, kArgument for one whose device does not hold an arm.
+// the nominal model; NULL: the plant's own. With one, a plant that was read from a file is taken
+// too: its joints, motors ("J4_motor") and muscles are named as in that scene. Throws Error:
+// kUnsupported for a plant without a description where there is no nominal model, kArgument for one
+// whose device does not hold an arm or whose parts are not there.
 std::shared_ptr<const MobilisedPlant> mobilised(const ExoPlant& plant,
                                                 const ExoScene* nominal = nullptr);
 

@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <utility>
 
 #include "base/error.hpp"
+#include "base/words.hpp"
 #include "signal/finite.hpp"
 
 namespace ulna {
@@ -102,6 +104,22 @@ EngineModel compile(const std::string& text, const ExoScene& scene) {
   return model.changed(length_ranges(model, scene));
 }
 
+// The text with the length ranges that were found: read again, it gives the same muscles.
+std::string with_ranges(std::string text, const EngineModel& model, const ExoScene& scene) {
+  const std::string unknown = "lengthrange=\"0.1 0.2\"";
+  std::size_t at = 0;
+  for (std::size_t k = 0; scene.has_arm() && k < scene.arm.muscles.size(); ++k) {
+    at = text.find(unknown, at);
+    if (at == std::string::npos) break;
+    const std::vector<double> range =
+        model.values(ModelQuantity::kLengthRange, scene.arm.muscles[k].name);
+    const std::string known = sentence(17, "lengthrange=\"", range[0], " ", range[1], "\"");
+    text.replace(at, unknown.size(), known);
+    at += known.size();
+  }
+  return text;
+}
+
 std::string degrees(double angle) {
   char text[40];
   std::snprintf(text, sizeof text, "%.4g", angle * 180.0 / kPi);
@@ -112,6 +130,7 @@ std::string degrees(double angle) {
 
 ExoPlant::ExoPlant(const ExoScene& scene)
     : ExoPlant(compile(mjcf_of(scene), scene), mjcf_of(scene)) {
+  text_ = with_ranges(std::move(text_), model_, scene);
   scene_ = std::make_shared<const ExoScene>(scene);
   nominal_ = std::make_shared<const RigidTree>(bodies_of(scene), scene.solver.gravity);
 }

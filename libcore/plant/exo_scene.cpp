@@ -7,6 +7,7 @@
 #include <map>
 
 #include "base/error.hpp"
+#include "base/words.hpp"
 #include "plant/engine/mjcf.hpp"
 
 namespace ulna {
@@ -19,12 +20,10 @@ struct JointDetail {
   double friction;
 };
 
-std::map<std::string, JointDetail> joints_of(const ExoScene& scene) {
-  std::map<std::string, JointDetail> joints;
-  for (const ExoLink& link : scene.exo.links) {
-    joints[link.joint] = {{link.lower, link.upper}, link.damping, link.friction};
-  }
-  const ArmDescription& arm = scene.arm;
+using JointDetails = std::map<std::string, JointDetail>;
+
+JointDetails joints_of(const ArmDescription& arm) {
+  JointDetails joints;
   const auto add = [&](const char* name, JointRange range) {
     joints[name] = {range, arm.damping, 0.0};
   };
@@ -36,6 +35,27 @@ std::map<std::string, JointDetail> joints_of(const ExoScene& scene) {
   add("wrist_flexion", {-70 * kDegree, 70 * kDegree});
   add("wrist_abduction", {-20 * kDegree, 20 * kDegree});
   return joints;
+}
+
+JointDetails joints_of(const ExoScene& scene) {
+  JointDetails joints;
+  if (scene.has_arm()) joints = joints_of(scene.arm);
+  if (!scene.has_exo()) return joints;
+  for (const ExoLink& link : scene.exo.links) {
+    joints[link.joint] = {{link.lower, link.upper}, link.damping, link.friction};
+  }
+  return joints;
+}
+
+// Also those that the arm has not in this coupling: they mean something else in a log.
+void check_joint_names(const ExoScene& scene) {
+  const JointDetails arm = joints_of(scene.arm);
+  for (const ExoLink& link : scene.exo.links) {
+    const std::string& name = link.joint;
+    require(arm.count(name) == 0, "joint",
+            "joint '" + name + "' of the device has the name of a joint of the arm: call it 'exo_" +
+                name + "'");
+  }
 }
 
 Index index_of(const std::vector<RigidBody>& bodies, const std::string& name) {
@@ -59,6 +79,29 @@ ArmMount mount_on(const ExoScene& scene, const std::vector<RigidBody>& device) {
   mount.upper = {Vector3(-(back * upper.position)), back};
   mount.fore.orientation = fore.orientation.transpose();
   return mount;
+}
+
+constexpr double kElbowMisfit = 0.06;  // m
+
+// Held rigidly, an arm of any length is stretched onto the device's joint. Further off than its
+// length explains, the joint is not at an elbow.
+void check_elbow(const ExoScene& scene) {
+  const std::vector<RigidBody> device = bodies_of(scene.exo);
+  const RigidTree tree(device);
+  const Index fore = index_of(device, scene.exo.fore_link);
+  const Vector3 joint = tree.poses(tree.reference())[static_cast<std::size_t>(fore)].position;
+  const ArmDescription& arm = scene.arm;
+  const auto [shorter, longer] =
+      std::minmax({arm.upper_scale, ArmDescription::cylinders().upper_scale});
+  const double scale = std::clamp(arm.elbow.dot(joint) / arm.elbow.squaredNorm(), shorter, longer);
+  const double away = (joint - scale * arm.elbow).norm();
+  require(away <= kElbowMisfit, "position",
+          sentence(3, "joint '", device[static_cast<std::size_t>(fore)].joint,
+                   "' of the device is ", 1e3 * away,
+                   " mm from the elbow of an arm that points forward from the shoulder "
+                   "in the reference; it must be within ",
+                   1e3 * kElbowMisfit,
+                   " mm: correct the positions of the links or give the arm's length"));
 }
 
 void set_orientation(MjcfElement& element, const Matrix3& orientation) {
@@ -237,6 +280,7 @@ class Writer {
 void ExoScene::check() const {
   if (has_exo()) exo.check();
   if (has_arm()) arm.check();
+  if (has_exo() && has_arm()) check_joint_names(*this);
   require(std::isfinite(solver.timestep) && solver.timestep > 0.0 && solver.timestep <= 0.1,
           "timestep_s", "the time step must be between 0 and 0.1 s");
   require(solver.iterations >= 1 && solver.iterations <= 10000, "iterations",
@@ -261,6 +305,10 @@ std::vector<RigidBody> bodies_of(const ExoScene& scene) {
   return bodies;
 }
 
-std::string mjcf_of(const ExoScene& scene) { return Writer(scene).text(); }
+std::string mjcf_of(const ExoScene& scene) {
+  Writer writer(scene);
+  if (scene.coupling == Coupling::kRigid) check_elbow(scene);
+  return writer.text();
+}
 
 }  // namespace ulna

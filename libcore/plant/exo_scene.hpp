@@ -44,7 +44,8 @@ std::vector<RigidBody> bodies_of(const ExoScene& scene);
 
 // The scene in the engine's language, every element named. Motors are named "<joint>_motor" and
 // take torque (N m); muscles have their names, and take excitation between 0 and 1. Length ranges
-// are placeholders (0.1, 0.2 m) until the paths are known, see exo_plant.hpp.
+// are placeholders (0.1, 0.2 m) until the paths are known, see exo_plant.hpp. Throws Error
+// (kArgument) when the device of an arm that is held rigidly has no joint at its elbow.
 std::string mjcf_of(const ExoScene& scene);
 
 }  // namespace ulna

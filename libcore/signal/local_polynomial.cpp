@@ -18,10 +18,6 @@ using Eigen::VectorXcd;
 
 constexpr Index kFreedom = 10;
 
-std::vector<RowRange> used_ranges(Index rows, const std::vector<RowRange>& ranges) {
-  return ranges.empty() ? std::vector<RowRange>{{0, rows}} : ranges;
-}
-
 // The longest length within all ranges that a fast Fourier transform likes.
 Index common_length(const std::vector<RowRange>& ranges, Index rows) {
   Index shortest = rows;

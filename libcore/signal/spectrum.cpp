@@ -73,10 +73,6 @@ double independent_averages(const Vector& window, Index shift, Index averages, I
   return n * n / (n + 2.0 * correlation * correlation * static_cast<double>(pairs));
 }
 
-std::vector<RowRange> used_ranges(Index rows, const std::vector<RowRange>& ranges) {
-  return ranges.empty() ? std::vector<RowRange>{{0, rows}} : ranges;
-}
-
 Index shift_of(Index segment) { return segment - segment / 2; }
 
 void check_channels(const Spectra& spectra, const std::vector<Index>& channels, const char* name) {
@@ -141,6 +137,10 @@ void refuse_if_never(bool determined) {
 }
 
 }  // namespace
+
+std::vector<RowRange> used_ranges(Index rows, const std::vector<RowRange>& ranges) {
+  return ranges.empty() ? std::vector<RowRange>{{0, rows}} : ranges;
+}
 
 Averaging welch_averaging(Index rows, Index segment, const std::vector<RowRange>& ranges) {
   require(segment >= 4, "segment",

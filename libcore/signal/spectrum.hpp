@@ -17,6 +17,9 @@ struct RowRange {
   Index end = 0;  // one past the last row
 };
 
+// All rows where no ranges are given.
+std::vector<RowRange> used_ranges(Index rows, const std::vector<RowRange>& ranges);
+
 struct Spectra {
   Vector freq_hz;  // 0 ... rate / 2, segment / 2 + 1 values
   std::vector<Eigen::MatrixXcd>

@@ -117,9 +117,13 @@ Random sensor_random(std::uint64_t seed, std::uint64_t run, SensorStream stream,
                           static_cast<std::uint64_t>(stream));
 }
 
+constexpr double kMostError = 1e6;  // beyond any sensor, and its square is a number
+
 void check_sensor(double value, const char* argument) {
   require(std::isfinite(value) && value >= 0.0, argument,
           std::string(argument) + " must be 0 or more");
+  require(value <= kMostError, argument,
+          sentence(6, argument, " is ", value, "; it must be at most ", kMostError));
 }
 
 }  // namespace

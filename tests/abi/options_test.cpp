@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <ulna/ulna.h>
 
+#include <cmath>
 #include <cstring>
 #include <string>
 
@@ -83,6 +84,32 @@ TEST(Options, OfPreparationGrowAtTheirEnd) {
     options.prepare = prepare;
     return ulna_identify_with(&options);
   });
+}
+
+TEST(Options, OfSamplingRefuseAGuardThatIsNoNumber) {
+  const auto design = [](double guard) {
+    ulna_sampling_options options = {};
+    options.struct_size = sizeof options;
+    options.factors = 2;
+    options.n = 4;
+    options.scheme = ULNA_SCHEME_RADIAL;
+    options.sampler = ULNA_SAMPLER_LATIN;
+    options.guard = guard;
+    ulna_sampling* sampling = nullptr;
+    const ulna_status status = ulna_sampling_new(&options, nullptr, &sampling);
+    EXPECT_EQ(sampling != nullptr, status == ULNA_OK);
+    ulna_sampling_free(sampling);
+    return status;
+  };
+  for (const double guard : {-1.0, 0.0, 0.4}) EXPECT_EQ(design(guard), ULNA_OK) << guard;
+  for (const double guard : {std::nan(""), 0.5, HUGE_VAL}) {
+    EXPECT_EQ(design(guard), ULNA_ERROR_ARGUMENT) << guard;
+    ulna_error error = {};
+    error.struct_size = sizeof error;
+    ulna_error_last(&error);
+    EXPECT_STREQ(error.argument, "guard");
+    EXPECT_NE(std::string(error.message).find("at least 0 and below 0.5"), std::string::npos);
+  }
 }
 
 TEST(Results, AreAsLargeAsTheCallersBuildKnows) {

@@ -130,6 +130,50 @@ def test_isometric_torque_reaches_its_goals():
     assert "flexion peak" in torque.summary()
 
 
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        (
+            {"angle_rad": [0.5, 85.0]},
+            "85 rad, which is 4870 degrees: joint 'elbow_flexion' goes from 0 to 125 degrees; "
+            "angles are in rad",
+        ),
+        ({"angle_rad": -0.1}, "-5.73 degrees"),
+        ({"angle_rad": "x"}, "angle_rad is 'x'; it must be numbers"),
+        (
+            {"joint": "shoulder_rotation", "muscles": ["brachialis"]},
+            "no moment arm at joint 'shoulder_rotation'",
+        ),
+        ({"muscles": []}, "muscles names no muscle"),
+        ({"muscles": "brachialis"}, "must be a sequence of names"),
+        ({"plant": exo.exoskeleton(coupling="arm_only", muscles="none")}, "has no muscles"),
+    ],
+)
+def test_isometric_torque_refuses_what_says_nothing(settings, words):
+    with pytest.raises(ulna.ArgumentError, match=words):
+        exo.isometric_torque(**settings)
+
+
+def test_isometric_torque_names_the_joint_that_muscles_turn():
+    held_softly = exo.exoskeleton(soft=True)
+    with pytest.raises(
+        ulna.ArgumentError, match="no moment arm at joint 'J4': joint='elbow_flexion' is one"
+    ):
+        exo.isometric_torque(held_softly, joint="J4")
+    with pytest.raises(ulna.ArgumentError, match="at joint 'J3': joint='J4' is one"):
+        exo.isometric_torque(exo.exoskeleton(), joint="J3", muscles=["anconeus"], angle_rad=0.1)
+    softly = exo.isometric_torque(held_softly)
+    np.testing.assert_allclose(softly.flexion, exo.isometric_torque().flexion, atol=1e-6)
+
+
+def test_default_angles_stay_within_the_joint():
+    device = exo.read_device(NESM)
+    device["link"][3]["range_deg"] = [5, 90]
+    device["link"][3]["reference_deg"] = 5
+    torque = exo.isometric_torque(exo.exoskeleton(device), joint="J4")
+    np.testing.assert_allclose(torque.angle_rad[[0, -1]], [5 * DEGREE, 90 * DEGREE])
+
+
 def test_fit_finds_the_muscles_that_are_built_in():
     fitted = exo.fit_elbow_muscles()
     plant = exo.exoskeleton(coupling="arm_only")
@@ -187,6 +231,11 @@ def test_scenes_of_the_user(tmp_path):
     path.write_text(exo.exoskeleton().mjcf)
     plant = exo.read_scene(path)
     assert plant.names("joint") == ("J1", "J2", "J3", "J4")
+    for name in plant.names("tendon"):
+        for quantity in ("muscle", "length_range"):
+            np.testing.assert_allclose(
+                plant.values(quantity, name), exo.exoskeleton().values(quantity, name), rtol=1e-15
+            )
     plant.run().step(10)
     with pytest.raises(ulna.UnsupportedError, match="no nominal model"):
         plant.inverse_dynamics(plant.reference, np.zeros(4), np.zeros(4))
@@ -221,11 +270,62 @@ def _spoilt(key, value, link=3):
         (_spoilt("colour", "red"), "has 'colour', which no link has"),
         (_spoilt("name", "Link1"), "two bodies have the name 'Link1'"),
         ({"link": []}, "two .*link.* tables or more"),
+        ({"link": [1, 2]}, r"link 1 is 1; it must be a table"),
+        (_spoilt("joint", ["a"]), r"joint of link 4 \(Link4\) is \['a'\]; it must be a text"),
+        (_spoilt("mass_kg", True), "mass_kg of link 4 .* must be 1 number"),
+        (_spoilt("mass_kg", "0.5"), "mass_kg of link 4 .* must be 1 number"),
+        (_spoilt("axis", [0, 0, "1"]), "axis of link 4 .* must be 3 numbers"),
+        (exo.read_device(NESM) | {"kp": 5}, r"the device has 'kp'.* known is \[\[link\]\]"),
+        (_spoilt("joint", "elbow_flexion"), "'elbow_flexion' .* name of a joint of the arm"),
+        (_spoilt("joint", "wrist_flexion"), "call it 'exo_wrist_flexion'"),
+        (_spoilt("position_m", [0, 0.3, 0]), "'J4' of the device is 295 mm from the elbow"),
     ],
 )
 def test_bad_devices_say_why(device, words):
     with pytest.raises(ulna.Error, match=words):
         exo.exoskeleton(device)
+
+
+def test_joints_named_like_the_arms_are_refused_in_soft_interfaces_too():
+    for name in ("shoulder_rotation", "elbow_flexion"):
+        with pytest.raises(ulna.ArgumentError, match=f"'{name}' .* name of a joint of the arm"):
+            exo.exoskeleton(_spoilt("joint", name), soft=True)
+    # Without an arm the joint keeps its friction and damping.
+    alone = exo.exoskeleton(_spoilt("joint", "elbow_flexion"), coupling="exo_only")
+    assert alone.values("friction", "elbow_flexion") == 2.787
+    assert alone.values("damping", "elbow_flexion") == 1.0
+
+
+def test_arms_of_any_length_are_stretched_onto_the_device():
+    for arm in (
+        {"upper_factor": 0.7},
+        {"upper_factor": 1.1},
+        {"upper_factor": 1.6},
+        {"height_m": 1.2, "mass_kg": 30},
+        {"height_m": 2.1, "mass_kg": 110},
+    ):
+        for device in (None, NESM):
+            exo.exoskeleton(device, **arm)
+    longer = _spoilt("position_m", [0, 0.35, 0], link=2)
+    exo.exoskeleton(longer, upper_factor=1.4)
+    exo.exoskeleton(longer, coupling="apart")
+    with pytest.raises(ulna.ArgumentError, match="or give the arm's length"):
+        exo.exoskeleton(longer)
+
+
+def test_devices_that_cannot_be_read_say_why(tmp_path):
+    (tmp_path / "latin.toml").write_bytes(b"name = '\xe9'")
+    for device, kind, words in (
+        (tmp_path, ulna.FileError, "cannot be read: Is a directory"),
+        (tmp_path / "nothing.toml", ulna.FileError, "nothing.toml cannot be read: No such file"),
+        (tmp_path / "latin.toml", ulna.FormatError, "is not TOML"),
+        (3, ulna.ArgumentError, "device is 3; it must be the path"),
+    ):
+        with pytest.raises(kind, match=words) as caught:
+            exo.exoskeleton(device)
+        assert kind is ulna.FormatError or caught.value.argument == "device"
+    with pytest.raises(ulna.FileError, match="is a folder: give the name of a file"):
+        exo.read_scene(tmp_path)
 
 
 def test_bad_arguments_say_why(tmp_path):
@@ -239,6 +339,14 @@ def test_bad_arguments_say_why(tmp_path):
         (lambda: exo.exoskeleton(height_m=175, mass_kg=70), "height must be between"),
         (lambda: exo.exoskeleton(height_m=1.75, mass_kg=70, fore_factor=1.1), "not both"),
         (lambda: exo.exoskeleton(timestep_s=0), "timestep_s must not be 0"),
+        (lambda: exo.exoskeleton(solver_tolerance=0.0), "solver_tolerance must not be 0"),
+        (lambda: exo.exoskeleton(solver_iterations=0), "solver_iterations must not be 0"),
+        (lambda: exo.read_scene(tmp_path / "scene.xml", contacts=0), "contacts must not be 0"),
+        (lambda: exo.fit_elbow_muscles(passive_limit_nm=0), "passive_limit_nm must not be 0"),
+        (lambda: exo.exoskeleton(upper_factor="long"), "upper_factor is 'long'; it must be a number"),
+        (lambda: exo.exoskeleton(mass_kg=True), "mass_kg is True; it must be a number"),
+        (lambda: exo.exoskeleton(muscle_values="big"), "muscle_values is 'big'; it must be numbers"),
+        (lambda: exo.exoskeleton(NESM, published_straps=True), "has no straps"),
         (lambda: exo.exoskeleton(timestep_s=-1), "time step"),
         (lambda: exo.exoskeleton(muscle_values=np.ones((2, 3))), "2 rows, 8 are expected"),
         (lambda: plant.values("mass", "Link7"), "no body 'Link7'"),

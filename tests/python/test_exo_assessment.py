@@ -1,13 +1,16 @@
 """Assessment of an arm by an exoskeleton from Python and the command line."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import ulna
 from ulna import cli, exo
+from ulna._command import BAD_INPUT
 
+ROOT = Path(__file__).resolve().parents[2]
 DEGREE = np.pi / 180
 
 
@@ -70,6 +73,54 @@ def test_ordinary_identification_reads_the_log(plant):
     done = exo.mobilise(plant, protocol)
     estimate = ulna.identify_impedance(done.record, estimator="ls")
     assert estimate.B[0, 0] == pytest.approx(done.joints[0].d, rel=0.15)
+
+
+def test_command_assess_finds_the_muscles_in_a_small_swing(tmp_path, capsys):
+    swing = tmp_path / "swing.csv"
+    scene = ROOT / "examples" / "data" / "elbow-swing.toml"
+    assert run("--scene", scene, "--balanced", "--out", swing, "--json") == cli.OK
+    (joint,) = json.loads(capsys.readouterr().out)["joints"]
+    assert cli.main(["assess", str(swing), "--json"]) == cli.OK
+    found = json.loads(capsys.readouterr().out)
+    assert found["outcome"] == "good"
+    # Less than two standard errors, and 5 %; nothing but the curves of the muscles is off the line.
+    assert found["K"][0][0] == pytest.approx(joint["true_k"], abs=0.12)
+    assert found["B"][0][0] == pytest.approx(joint["true_d"], abs=0.03)
+    assert found["M"][0][0] == pytest.approx(0, abs=0.02)  # the nominal model has taken it off
+
+
+def test_command_assess_says_that_a_whole_range_is_another_model(done, tmp_path, capsys):
+    done.record.to_csv(tmp_path / "log.csv")
+    cli.main(["assess", str(tmp_path / "log.csv"), "--json"])
+    found = json.loads(capsys.readouterr().out)
+    assert found["outcome"] == "poor_fit" and found["K"][0][0] > 0 > done.joints[0].true_k
+
+
+def test_a_plant_that_was_read_or_changed_takes_the_nominal_model_of_another(
+    plant, done, tmp_path
+):
+    path = tmp_path / "scene.xml"
+    path.write_text(plant.mjcf)
+    read = exo.mobilise(exo.read_scene(path), nominal=plant)
+    assert read.status == "ok"
+    assert read.joints[0].k == pytest.approx(done.joints[0].k, rel=1e-9)
+    assert read.joints[0].true_k == pytest.approx(done.joints[0].true_k, rel=1e-9)
+    noisy = exo.with_errors(read.record, exo.read_scene(path), nominal=plant, torque_nm=0.1)
+    assert exo.identify_viscoelasticity(noisy, exo.read_scene(path), nominal=plant)[0].joint == "J4"
+    heavier = exo.mobilise(plant.change("mass", "hand", 0.735), nominal=plant)
+    assert heavier.joints[0].model_residual_rms > 0.1
+    # Joints, motors and muscles have the names of the nominal model, and the device holds the arm.
+    for text, words in (
+        (plant.mjcf.replace('"J4"', '"elbow"'), "no joint 'J4'"),
+        (plant.mjcf.replace('"J4_motor"', '"motor"'), "'J4_motor'"),
+        (exo.exoskeleton(muscles="none").mjcf, "4 actuators, the nominal model 12"),
+        (exo.exoskeleton(coupling="apart").mjcf, "no muscle of the scene turns a joint"),
+    ):
+        path.write_text(text)
+        with pytest.raises(ulna.ArgumentError, match=words):
+            exo.mobilise(exo.read_scene(path), nominal=plant)
+    with pytest.raises(ulna.UnsupportedError, match="give a plant that is described as nominal"):
+        exo.mobilise(exo.read_scene(path))
 
 
 @pytest.mark.parametrize("errors", ["newey-west", "bootstrap"])
@@ -172,11 +223,40 @@ def test_movement_that_says_nothing_keeps_its_log(plant):
         ({"duration_s": 0.0}, "duration_s is 0.0; it must be positive"),
         ({"log_rate_hz": 130.0}, "whole number of the plant's time steps"),
         ({"settle_s": -1.0}, "settle_s is -1.0"),
+        ({"settle_s": "x"}, "settle_s is 'x'; it must be a number"),
+        ({"kp": "big"}, "kp is 'big'; it must be a number"),
+        ({"kp": True}, "kp is True; it must be a number"),
+        ({"flexors": "x"}, "flexors is 'x'; it must be a number"),
+        ({"duration_s": [6]}, r"duration_s is \[6\]; it must be a number"),
+        ({"rest_s": "x"}, "rest_s is 'x'; it must be a number"),
+        ({"repeats": 1.5}, "repeats is 1.5; it must be a whole number"),
+        ({"speeds": "fast"}, "speeds is 'fast'; it must be numbers"),
+        ({"start_rad": "a"}, "start_rad is 'a'; it must be numbers"),
+        ({"moved": "J4"}, "moved is 'J4'; it must be a table of joints"),
+        ({"moved": ["J4"]}, "moved is .*; it must be a table of joints"),
+        ({"moved": {"J4": "x"}}, r"moved\['J4'\] is 'x'; it must be a number"),
     ],
 )
 def test_protocols_that_cannot_be(plant, settings, words):
-    with pytest.raises(ulna.ArgumentError, match=words):
+    with pytest.raises(ulna.ArgumentError, match=words) as caught:
         exo.mobilise(plant, exo.Protocol(**settings))
+    if "it must be" in words:
+        assert caught.value.argument == next(iter(settings))
+
+
+def test_numbers_may_be_of_any_kind(plant):
+    # What a script of NumPy gives is as good as plain numbers.
+    given = exo.Protocol(
+        kp=np.float32(50),
+        duration_s=np.array(2.0),
+        repeats=np.int64(1),
+        speeds=np.array([1]),
+        shape="ramp",
+        moved={"J4": np.float64(0.5)},
+    )
+    plain = exo.Protocol(duration_s=2, shape="ramp", moved={"J4": 0.5})
+    one, other = (exo.mobilise(plant, protocol) for protocol in (given, plain))
+    np.testing.assert_array_equal(one.record.values, other.record.values)
 
 
 def test_plants_that_cannot_be_assessed(plant, done):
@@ -193,6 +273,34 @@ def test_plants_that_cannot_be_assessed(plant, done):
         exo.identify_viscoelasticity(done.record, plant, joints=["J3"])
     with pytest.raises(ulna.ArgumentError, match="torque_nm must"):
         exo.with_errors(done.record, plant, torque_nm=-1.0)
+    with pytest.raises(ulna.ArgumentError, match="torque_nm is 1e.300; it must be at most"):
+        exo.with_errors(done.record, plant, torque_nm=1e300)
+
+
+def test_what_is_no_plant_and_no_protocol_is_refused(plant, done):
+    cases = [
+        (lambda: exo.mobilise(3), "plant", "plant is a int, not a Plant"),
+        (lambda: exo.mobilise(plant, nominal=3), "nominal", "nominal is a int, not a Plant"),
+        (lambda: exo.mobilise(plant, {"shape": "ramp"}), "protocol", "is a dict, not a Protocol"),
+        (lambda: exo.AssessmentModel([], protocol={}), "protocol", "is a dict, not a Protocol"),
+        (lambda: exo.AssessmentModel([], nominal=3), "nominal", "not a Plant"),
+        (
+            lambda: exo.identify_viscoelasticity(done.record, 3),
+            "plant", "plant is a int, not a Plant",
+        ),
+        (
+            lambda: exo.identify_viscoelasticity(done.record, plant, joints="J4"),
+            "joints", "joints is 'J4'; it must be a sequence of names",
+        ),
+        (
+            lambda: exo.identify_viscoelasticity(done.record, plant, lag_s="long"),
+            "lag_s", "lag_s is 'long'; it must be a number",
+        ),
+    ]  # fmt: skip
+    for call, argument, words in cases:
+        with pytest.raises(ulna.ArgumentError, match=words) as caught:
+            call()
+        assert caught.value.argument == argument
 
 
 def test_another_nominal_model_is_a_choice(plant):
@@ -239,7 +347,39 @@ def test_command_with_a_scene(tmp_path, capsys):
         ("[protocol]\nspeed = 2\n", "[protocol] has 'speed'"),
         ("scene = 3\n", "scene must be a table"),
         ("[scene\n", "is not TOML"),
+        ("[protcol]\nkp = 5\n", "has 'protcol', which there is not; there are [scene], [soft]"),
+        ("kp = 5\n", "has 'kp', which there is not"),
+        ('[[links]]\nname = "Link1"\n', "has 'links', which there is not"),
+        ("link = [1, 2]\n", "link 1 is 1; it must be a table"),
+        ('[protocol]\nkp = "big"\n', "kp is 'big'; it must be a number"),
+        ('[protocol]\nmoved = {J4 = "x"}\n', "moved['J4'] is 'x'"),
+        ("[soft]\nstiffness_n_m = [1, 2, 3]\n", "it must be one number, or two"),
     ):
         scene.write_text(text)
-        assert run("--scene", scene) != cli.OK
+        assert run("--scene", scene) == BAD_INPUT
         assert words in capsys.readouterr().err
+
+
+def test_command_takes_a_device_beside_its_settings(tmp_path, capsys):
+    scene = tmp_path / "scene.toml"
+    device = (ROOT / "examples" / "data" / "nesm.toml").read_text()
+    scene.write_text('[protocol]\nshape = "ramp"\nduration_s = 2\n\n' + device)
+    assert run("--scene", scene, "--json") == cli.OK
+    assert json.loads(capsys.readouterr().out)["rows"] == 201
+
+
+def test_command_refuses_before_it_simulates(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(exo, "mobilise", None)
+    for arguments, words in (
+        (("--out", tmp_path / "nowhere" / "log.csv"), "there is no folder"),
+        (("--out", tmp_path), "is a folder"),
+        (("--seed", "-1"), "'-1' is not a whole number from 0"),
+        (("--noise", "1e300"), "1e300 is above 1000000 N m"),
+    ):
+        assert run(*arguments) == BAD_INPUT
+        assert words in capsys.readouterr().err
+
+
+def test_help_of_the_command_has_its_own_exit_code(capsys):
+    assert run("--help") == cli.OK
+    assert "  1  the run did not end as ok" in capsys.readouterr().out

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from ctrl_c import ctrl_c
 import ulna
 from ulna import exo
 
+DATA = Path(__file__).resolve().parents[2] / "examples" / "data"
 BRIEF = exo.Protocol(
     shape="minimum_jerk", duration_s=1.0, balanced=True, carry_weight=True,
     start_rad=np.radians([-5, -85, 0, 80]), moved={"J4": np.radians(50)},
@@ -208,6 +210,18 @@ def test_a_study_of_assessments(tmp_path):
     )
     with pytest.raises(ulna.DataError):
         other.study(factors).run(design, journal=tmp_path, on_failure="drop_block")
+    # So is one of another nominal model, and of a device whose file says something else now.
+    heavy, light = (
+        exo.AssessmentModel(factors, nominal=exo.exoskeleton(fore_mass_kg=mass)).plan_source
+        for mass in (1.2, 0.9)
+    )
+    assert heavy != light
+    published = (DATA / "nesm.toml").read_text()
+    plans = set()
+    for text in (published, published.replace("1.663", "1.763")):
+        (tmp_path / "device.toml").write_text(text)
+        plans.add(exo.AssessmentModel(factors, device=tmp_path / "device.toml").plan_source)
+    assert len(plans) == 2
     with pytest.raises(ulna.ArgumentError, match="factors must be"):
         model.study({"fore_factor": ulna.Uniform(0.9, 1.1)})
 

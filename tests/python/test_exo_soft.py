@@ -124,12 +124,59 @@ def test_the_same_run_gives_the_same_bits(plant):
         ({"cuffs": "loose"}, "'fitted' or 'published'"),
         ({"hardness": 3}, "hardness"),
         ("hard", "must be True"),
+        ({"stiffness_n_m": (1, 2, 3)}, "stiffness_n_m .* one number, or two: upper arm, forearm"),
+        ({"stiffness_n_m": "x"}, "stiffness_n_m is 'x'; it must be one number, or two"),
+        ({"friction": True}, "friction is True; it must be one number, or two"),
+        ({"elbow_offset_m": (0, 0, "x")}, "elbow_offset_m .* 3 numbers"),
+        ({"donning_rotation_rad": "x"}, "donning_rotation_rad is 'x'; it must be a number"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_sentence(soft, words):
     with pytest.raises(ValueError, match=words) as caught:
         exo.exoskeleton(soft=soft)
     assert "\n" not in str(caught.value)
+
+
+def test_a_compression_ends_below_its_largest_strain():
+    with pytest.raises(ValueError, match="above 0 and below 0.9"):
+        exo.compression_test(largest_strain=0.9)
+    with pytest.raises(ValueError, match="largest_strain is 'x'; it must be a number"):
+        exo.compression_test(largest_strain="x")
+
+
+@pytest.mark.parametrize("end", ["start_rad", "end_rad"])
+def test_a_reduction_takes_the_angle_zero(plant, end):
+    other = {"start_rad": "end_rad", "end_rad": "start_rad"}[end]
+    settings = {other: np.radians(60), "poses": 8}
+    zero, near = (plant.reduced(**settings, **{end: angle}) for angle in (0, 1e-9))
+    for at_zero, beside in zip(zero.bushings, near.bushings, strict=True):
+        np.testing.assert_allclose(at_zero.stiffness, beside.stiffness, rtol=1e-5, atol=1e-3)
+        np.testing.assert_allclose(at_zero.preload, beside.preload, rtol=1e-5, atol=1e-3)
+    with pytest.raises(ValueError, match="a start and an end that differ"):
+        plant.reduced(start_rad=0, end_rad=0)
+
+
+def test_a_reduction_from_zero_to_its_default_start(plant):
+    assert len(plant.reduced(start_rad=0, end_rad=np.radians(110)).bushings) == 4
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"activation": -0.5}, "activation is -0.5; it must be between 0 and 1"),
+        ({"activation": np.nan}, "activation is nan"),
+        ({"activation": 1.5}, "activation must be between 0 and 1"),
+        ({"poses": 0}, "poses must not be 0"),
+        ({"poses": -3}, "4 to 1000 poses"),
+        ({"poses": 3}, "4 to 1000 poses"),
+        ({"start_rad": "x"}, "start_rad is 'x'; it must be a number"),
+    ],
+)
+def test_reductions_that_cannot_be(plant, settings, words):
+    with pytest.raises(ValueError, match=words):
+        plant.reduced(**settings)
+    with pytest.raises(ValueError, match=words):
+        exo.AssessmentModel(["flexors"], soft=True, reduced=settings).run({"flexors": [0.4]})
 
 
 def test_soft_and_another_coupling_exclude_each_other():

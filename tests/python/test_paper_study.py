@@ -141,12 +141,41 @@ def test_parts_of_a_straight_model_are_its_shares():
     assert (low <= value + 1e-12).all() and (value <= high + 1e-12).all()
 
 
+def test_pairs_of_runs_tell_what_a_defect_does():
+    values = published_study.samples()[:40]
+    x = (values - values.mean(axis=0)) / values.std(axis=0)
+
+    def run(key, k, error, **more):
+        ok = {"status": "ok", "largest_slip_deg": "10", "error_nm_rad": str(error)}
+        return {key: str(k), **ok, **more}
+
+    # With the defect the error follows the first factor, without it the second one.
+    study = [run("sample", k, x[k, 0], setting="published") for k in range(40)]
+    study[3]["status"] = "diverged"
+    defects = [run("arm", k, x[k, 1] + 1, left_out="hold") for k in range(40)]
+    (pairs,) = [p for b, a, p in what_changed.paired(study, defects) if (b, a) == ("every defect", "hold")]
+    gone, come, mean, spread = what_changed.alone(pairs)
+    kept = np.arange(40) != 3
+    change = (x[:, 1] + 1 - x[:, 0])[kept]
+    assert (gone, come) == (1, 0)
+    assert (mean, spread) == pytest.approx((change.mean(), change.std(ddof=1)))
+    rows = {r[3]: r for r in what_changed.moved(study, defects)}
+    assert {r[:3] for r in rows.values()} == {("every defect", "hold", 39)}
+    for name, exact in (("upper_factor", -1), ("fore_factor", 1), ("fore_mass_kg", 0), ("R2", 0)):
+        assert rows[name][4:] == pytest.approx([exact] * 3)  # whatever is drawn
+    assert list(what_changed.moved(study, defects[:8])) == []  # too few to rank
+
+
 def test_what_changed_tells_of_the_stored_runs(tmp_path, monkeypatch, capsys):
-    target = tmp_path / "what-changed.csv"
-    monkeypatch.setattr(sys, "argv", ["what_changed.py", "--to", str(target)])
+    monkeypatch.setattr(sys, "argv", ["what_changed.py", "--to", str(tmp_path)])
     what_changed.main()
-    rows = rows_of(target)
-    assert rows[0].keys() == rows_of(RESULTS / "what-changed.csv")[0].keys()
+    for name in ("what-changed.csv", "what-changed-pairs.csv"):
+        for made, stored in zip(rows_of(tmp_path / name), rows_of(RESULTS / name), strict=True):
+            assert made.keys() == stored.keys()
+            for cell, was in zip(made.values(), stored.values(), strict=True):
+                # Another linear algebra changes the last of five digits at most.
+                assert cell == was or float(cell) == pytest.approx(float(was), rel=1e-3, abs=1e-6)
+    rows = rows_of(tmp_path / "what-changed.csv")
     part = {(r["setting"], r["quantity"], r["factor"]): float(r["part"]) for r in rows}
     for setting in ("every defect, arm held", "without hold, strap_mask"):
         error = [part[setting, "error", name] for name in published_study.FACTORS]
@@ -172,5 +201,5 @@ def test_runs_of_the_defects_go_on_where_they_stopped(tmp_path, monkeypatch):
     monkeypatch.setattr(published_defects, "run_once", never)
     monkeypatch.setattr(published_defects, "run_estimators", never)
     done = {row["arm"] for row in stored}
-    published_defects.run(table, count=0, alone=0)
+    published_defects.run(table, estimators=range(0), alone=range(0))
     assert rows_of(table) == stored and "nominal" in done

@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
+import functools
+import hashlib
+import inspect
+import json
+import os
+import pathlib
 import pickle
 import signal
 import subprocess
 import sys
+import threading
 import time
+import warnings
 from itertools import combinations
 
 import numpy as np
@@ -15,7 +24,8 @@ import pytest
 import ulna
 from ulna import study as st
 from ulna._call import lib
-from ulna._study_indices import STATUSES
+from ulna._study_indices import OPTIONS, STATUSES
+from ulna._study_plan import described
 
 X = ulna.Uniform(-np.pi, np.pi)
 FIRST = np.array([0.313905191148, 0.442411144790, 0.0])
@@ -243,6 +253,18 @@ def test_convergence(study):
         result.convergence(subset="half")
 
 
+def test_convergence_leaves_out_what_failures_leave_too_little_of(study):
+    broken = ulna.Study(study.factors, fails_in_a_corner)
+    runs = broken.run(broken.design(n=64, seed=3), on_failure="drop_block")
+    runs.status[: 3 * 5] = STATUSES.index("diverged")  # three blocks, and some others
+    result = runs.sobol(on_failure="drop_block", resamples=50)
+    steps = result.convergence()
+    assert 4 * 5 <= steps.runs[0] <= 16 * 5 and steps.runs[-1] == 64 * 5
+    assert np.array_equal(steps.values["total"][-1], result.total)
+    with pytest.raises(ulna.DataError, match="complete blocks"):
+        result.convergence(sizes=[2])
+
+
 def test_several_outputs(study):
     def model(x1, x2, x3):
         return {"y": ishigami(x1, x2, x3), "z": x2}
@@ -285,6 +307,79 @@ def test_bad_calls_are_refused(study):
         ulna.Study({"a": X}, function=3)
 
 
+WRONG_OPTIONS = [
+    ("sobol", {"resample": 100}, "did you mean 'resamples'"),
+    ("sobol", {"worker": 2}, "did you mean 'workers'"),
+    ("sobol", {"estimator": "jannon"}, "must be one of 'default'"),
+    ("sobol", {"estimator": ["janon"]}, "must be one of 'default'"),
+    ("sobol", {"interval": "bac"}, "must be one of 'percentile'"),
+    ("sobol", {"interval": "replicates"}, "at least two"),
+    ("sobol", {"level": 90}, "between 0 and 1"),
+    ("sobol", {"level": "high"}, "between 0 and 1"),
+    ("sobol", {"output": "z"}, "no output 'z'"),
+    ("sobol", {"resamples": 10}, "from 50"),
+    ("sobol", {"resamples": "many"}, "a whole number"),
+    ("sobol", {"on_failure": "drop"}, "must be one of 'error'"),
+    ("sobol", {"n": 1}, "at least two complete blocks"),
+    ("screen", {"estimator": "janon"}, "'estimator' means nothing here"),
+    ("screen", {"level": 0}, "between 0 and 1"),
+    ("screen", {"guard": -0.3}, "at least 0 and below 0.5"),
+    ("screen", {"guard": -1.0}, "at least 0 and below 0.5"),
+    ("screen", {"guard": float("nan")}, "at least 0 and below 0.5"),
+    ("screen", {"guard": "wide"}, "at least 0 and below 0.5"),
+    ("screen", {"guard": 0.5}, "at least 0 and below 0.5"),
+    ("screen", {"budget_s": "1h"}, "budget_s is '1h'; it must be a positive number"),
+    ("screen", {"timeout_s": [1]}, "timeout_s"),
+    ("two_phase", {"share": 5}, "share is 5"),
+    ("two_phase", {"share": "5 %"}, "share is '5 %'"),
+    ("two_phase", {"keep": 3}, "keep must be names"),
+    ("two_phase", {"decide_by": [["y"]]}, "decide_by must be names"),
+    ("two_phase", {"values": {"x1": "low"}}, "x1 is to be fixed at 'low'"),
+    ("two_phase", {"values": ["x1"]}, "values must map factors"),
+    ("two_phase", {"screening": {"estimator": "janon"}}, "screening: 'estimator'"),
+    ("two_phase", {"ranking": {"estimater": "janon"}}, "did you mean 'estimator'"),
+    ("two_phase", {"ranking": {"estimator": "jannon"}}, "must be one of 'default'"),
+    ("two_phase", {"ranking": {"sampler": "halton"}}, "must be one of 'sobol'"),
+    ("two_phase", {"ranking": {"seed": 3}}, "ranking: 'seed'"),
+    ("two_phase", {"n": 1000}, "take 512 or 1024"),
+    ("patient", {"quantities": "K"}, "no output 'K'"),
+    ("patient", {"quantities": {"y": -1.0}}, "must be 0 or more"),
+    ("patient", {"level": 90}, "between 0 and 1"),
+    ("patient", {"method": "guess"}, "must be one of reweight"),
+    ("patient", {"measurable": ["x4"]}, "measurable must be names"),
+    ("patient", {"observed": {"y": (1.0, 0.0)}}, "standard error above 0"),
+    ("patient", {"observed": {"z": (1.0, 0.1)}}, "observed names no output"),
+    ("patient", {"covariance": [[1.0]]}, "nothing observed"),
+    ("patient", {"on_failure": "nearest"}, "left out"),
+    ("patient", {"n": 32}, "too few"),
+    ("patient", {"n": 0}, "at least 1"),
+]
+
+
+@pytest.mark.parametrize(("analysis", "chosen", "words"), WRONG_OPTIONS)
+def test_wrong_options_are_refused_before_a_run(study, analysis, chosen, words):
+    calls = []
+    counted = ulna.Study(study.factors, lambda **x: calls.append(x) or ishigami(**x))
+    with pytest.raises((ulna.ArgumentError, ulna.DataError), match=words):
+        getattr(counted, analysis)(**chosen)
+    assert not calls
+
+
+def test_an_emulator_of_too_few_runs_is_refused_before_them(study):
+    pytest.importorskip("sklearn")
+    calls = []
+    counted = ulna.Study(study.factors, lambda **x: calls.append(x) or ishigami(**x))
+    with pytest.raises(ulna.ArgumentError, match="takes 16 to 1000 good runs"):
+        counted.patient(method="emulator", n=8)
+    assert not calls
+
+
+def test_what_an_analysis_may_be_told_is_what_it_takes():
+    for name, known in OPTIONS.items():
+        taken = set(inspect.signature(getattr(st.Runs, name)).parameters)
+        assert taken == {"self", "output", "on_failure", "seed", *known}
+
+
 # Failed runs ---------------------------------------------------------------------------------------
 
 
@@ -308,8 +403,31 @@ def test_the_functions_own_error_is_shown_with_its_row(study):
     with pytest.raises(KeyError) as caught:
         ulna.Study(study.factors, bug).sobol(n=4)
     assert "in run 0 of the study" in caught.value.__notes__[0]
-    with pytest.raises(ulna.DataError, match="every run failed"):
+    point = study.design(n=4).values()[0]
+    where = ", ".join(f"x{k} = {x:.6g}" for k, x in enumerate(point, 1))
+    with pytest.raises(ulna.DataError, match="every run failed") as caught:
         ulna.Study(study.factors, bug).sobol(n=4, on_failure="drop_block")
+    assert str(caught.value).endswith(
+        f"; 20 of 20 runs have status 'raised', first run 0 ({where}): KeyError: 'torque'"
+    )
+
+
+def test_an_analysis_that_failures_make_impossible_says_why_they_failed(study):
+    def mostly(x1, x2, x3):
+        if x1 > -2.4:
+            raise st.RunFailed("diverged", "too far") if x2 > 2 else ValueError("boom")
+        return x1
+
+    broken = ulna.Study(study.factors, mostly)
+    runs = broken.run(broken.design(n=16, seed=1, dummy=True), on_failure="drop_block")
+    count = sum("boom" in words for words in runs.messages.values())
+    told = f"; {count} of 96 runs have status 'raised', first run .*: ValueError: boom"
+    for treatment, words in (("drop_block", "fewer than two"), ("error", "runs failed")):
+        with pytest.raises(ulna.DataError, match=words + ".*" + told) as caught:
+            runs.sobol(on_failure=treatment)
+    assert caught.value.detail.startswith("row ") and "dummy" not in str(caught.value)
+    with pytest.raises(ulna.DataError, match="status 'nonfinite', first run 0$"):
+        broken.read_outputs(np.full(20, np.nan)).sobol(on_failure="drop_block")
 
 
 @pytest.mark.parametrize("treatment", ["drop_block", "nearest", "surface"])
@@ -344,6 +462,33 @@ def test_arrays_and_wrong_results(study):
             ulna.Study({"a": X}, lambda a, out=out: out).sobol(n=4)
     with pytest.raises(ulna.DataError, match="shape"):
         ulna.Study({"a": X}, lambda a: a[:3], vectorized=True).sobol(n=4)
+
+
+def test_a_complex_result_is_none():
+    """Its imaginary part is not dropped; where there is none, nothing is."""
+    def root(a):
+        return np.emath.sqrt(a)
+
+    one = ulna.Study({"a": X}, root)
+    design = one.design(n=16)
+    lost = design.values()[:, 0] < 0
+    for vectorized in (False, True):
+        both = ulna.Study({"a": X}, root, vectorized=vectorized)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            runs = both.run(design, on_failure="nearest")
+        assert np.array_equal(runs.status == STATUSES.index("raised"), lost)
+        assert np.array_equal(runs.y[~lost, 0], np.sqrt(design.values()[~lost, 0]))
+        assert "returned a complex number" in runs.messages[int(runs.failed[0])]
+        with pytest.raises(ulna.DataError, match="returned a complex number, a real one expected"):
+            both.run(design)
+
+
+def test_switches_are_true_or_false(study):
+    with pytest.raises(ulna.ArgumentError, match="vectorized is 'no'; it must be true or false"):
+        ulna.Study({"a": X}, vectorized="no")
+    with pytest.raises(ulna.ArgumentError, match="isolate is 'no'; it must be true or false"):
+        study.run(study.design(n=4), isolate="no")
 
 
 def test_statuses_have_the_numbers_of_the_library():
@@ -647,6 +792,148 @@ def test_an_unwritable_folder_gives_an_error(study, tmp_path):
         study.sobol(n=4, journal="/proc/ulna-study")
 
 
+# What a plan says of a function --------------------------------------------------------------------
+
+
+def scaled(a, gain=1.0):
+    return gain * a
+
+
+def keeps(gain):
+    def model(a):
+        return gain * a
+
+    return model
+
+
+class Scaled:
+    def __init__(self, gain):
+        self.gain = gain
+        self.calls = 0
+
+    def __call__(self, a):
+        self.calls += 1
+        return self.gain * a
+
+    def run(self, a):
+        return self(a)
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    gain: float
+    folder: pathlib.PurePath = pathlib.PurePosixPath("arms")
+
+
+def by_default(gain):
+    def model(a, gain=gain, *, more=(gain,)):
+        return gain * a
+
+    return model
+
+
+def through(function, gain):
+    @functools.wraps(function)
+    def model(a):
+        return gain * function(a)
+
+    return model
+
+
+HELD = {
+    "keyword": lambda gain: functools.partial(scaled, gain=gain),
+    "partial of a partial": lambda gain: functools.partial(functools.partial(scaled), gain=gain),
+    "closure": keeps,
+    "default": by_default,
+    "object": Scaled,
+    "method": lambda gain: Scaled(gain).run,
+    "array": lambda gain: keeps(np.array([1.0, gain])),
+    "dataclass": lambda gain: keeps(Settings(gain)),
+    "set": lambda gain: keeps({"x", "y", gain}),
+    "dict": lambda gain: keeps({"x": [gain], "y": {"z": (gain, None, b"w")}}),
+    "function": lambda gain: keeps(keeps(gain)),
+    "decorator": lambda gain: through(square, gain),
+    "cache": lambda gain: functools.cache(keeps(gain)),
+    "one of two": lambda gain: (lambda a: a, lambda a: 10 * a)[gain == 10],
+}
+
+
+@pytest.mark.parametrize("how", HELD)
+def test_what_a_function_holds_is_part_of_the_plan(tmp_path, how):
+    """Another gain is another model; the same gain, held anew, is the same."""
+    make = HELD[how]
+    assert described(make(1)) == described(make(1))
+    assert described(make(1)).unknown == ()
+    if how in ("keyword", "closure", "object", "method", "one of two"):
+        factors = {"a": ulna.Uniform(0, 1)}
+        design = ulna.Study(factors).design(n=4)
+        first = ulna.Study(factors, make(1)).run(design, journal=tmp_path)
+        again = ulna.Study(factors, make(1)).run(design, journal=tmp_path)
+        assert np.array_equal(first.wall_s, again.wall_s)
+        with pytest.raises(ulna.DataError, match="another plan") as caught:
+            ulna.Study(factors, make(10)).run(design, journal=tmp_path)
+        assert caught.value.__notes__ == ["what differs: state"]
+    assert described(make(1)).state != described(make(10)).state
+
+
+def test_a_function_is_described_alike_in_every_process():
+    code = (
+        "import sys; sys.path.insert(0, sys.argv[1])\n"
+        "import test_study as t\n"
+        "print({how: t.described(make(1)).state for how, make in t.HELD.items()})"
+    )
+    said = [
+        subprocess.run(
+            [sys.executable, "-c", code, str(pathlib.Path(__file__).parent)],
+            capture_output=True, text=True, check=True,
+            env={**os.environ, "PYTHONHASHSEED": seed},
+        ).stdout
+        for seed in ("1", "2")
+    ]  # fmt: skip
+    assert said[0] == said[1] and len(said[0]) > 64 * len(HELD)
+
+
+def test_a_plain_function_is_its_text():
+    """Journals of earlier releases go on."""
+    told = described(square)
+    source = "def square(a):\n    return a * a\n"
+    assert told == described(square) and told.state is None
+    assert told.source == hashlib.sha256(source.encode()).hexdigest()
+
+
+def test_what_the_runs_change_in_a_function_is_no_other_function(tmp_path):
+    model = Scaled(2.0)
+    study = ulna.Study({"a": X, "b": X}, lambda a, b: model(a) + b)
+    design = study.design(n=4)
+    first = study.run(design, journal=tmp_path / "s")
+    assert model.calls == design.rows
+    assert np.array_equal(study.run(design, journal=tmp_path / "s").wall_s, first.wall_s)
+    assert np.array_equal(study.collect(design, journal=tmp_path / "s").wall_s, first.wall_s)
+    part = study.fix(b=0.5)
+    part.run(part.design(n=4), journal=tmp_path / "t")
+    plan = json.loads((tmp_path / "t" / "plan.json").read_text())
+    assert plan["state"] == json.loads((tmp_path / "s" / "plan.json").read_text())["state"]
+    model.gain = 3.0
+    with pytest.raises(ulna.DataError, match="another plan"):
+        study.run(design, journal=tmp_path / "s")
+
+
+def test_state_that_no_plan_can_hold_is_told(tmp_path):
+    def make(lock):
+        return lambda a: a if lock else 0.0
+
+    model = make(threading.Lock())
+    study = ulna.Study({"a": X}, model)
+    with pytest.warns(ulna.UncertainResult, match=r"does not hold lock \(a lock\).*plan_source"):
+        study.run(study.design(n=4), journal=tmp_path / "s")
+    assert described(model).state == described(make(threading.Lock())).state
+    model.plan_source = "version 1"
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        study.run(study.design(n=4), journal=tmp_path / "t")
+        ulna.Study({"a": X}, make(threading.Lock())).sobol(n=4)
+
+
 # Figures -------------------------------------------------------------------------------------------
 
 
@@ -824,6 +1111,36 @@ def test_estimates_and_intervals_over_many_designs(case, sampler):
     share = hits[vary].mean() / designs
     assert 0.86 < share < 0.94
     assert (np.abs(hits[vary] / designs - 0.9) < 0.04 + 3 * 0.021).all()
+
+
+def share_inside(function, first, total, designs, **chosen):
+    """Of each index, first and total: how often its 90 % interval holds it."""
+    factors = {f"x{i}": ulna.Uniform(0, 1) for i in range(len(first))}
+    exact, hits = np.concatenate([first, total]), np.zeros(2 * len(first))
+    for seed in range(designs):
+        design = ulna.StudyDesign(factors, seed=seed, **chosen)
+        y = function(design.unit())[:, None]
+        runs = st.Runs(design, y, np.zeros(len(y), np.int32), np.full(len(y), np.nan))
+        result = runs.sobol(resamples=200, seed=seed)
+        bounds = np.concatenate([result.intervals["first"], result.intervals["total"]])
+        hits += (bounds[:, 0] <= exact) & (exact <= bounds[:, 1])
+    return hits / designs
+
+
+def test_intervals_of_a_small_sequence_come_from_replicates():
+    """Of a sequence the bootstrap may be far too sure, or too wide; replicates are neither."""
+    _, *case = next(case for case in known_functions() if case[0] == "bratley")
+    designs = 100
+    bootstrap = share_inside(*case, 60, n=256)
+    assert bootstrap[8] < 0.5  # the third factor's total: its estimates lie in two clusters
+    replicates = share_inside(*case, designs, n=64, replicates=16)
+    # 0.9 within 3 standard deviations of a binomial of 100; all twelve together within 0.04, as the
+    # small indices, whose estimates are skew, lie somewhat low.
+    assert (np.abs(replicates - 0.9) < 3 * np.sqrt(0.09 / designs)).all()
+    assert abs(replicates.mean() - 0.9) < 0.04
+    # So do intervals of points that are not even, but for the smallest indices.
+    latin = share_inside(*case, designs, n=256, sampler="latin")
+    assert abs(latin[8] - 0.9) < 3 * np.sqrt(0.09 / designs)
 
 
 # Functions that say how their runs ended ------------------------------------------------------------

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import concurrent.futures
 import contextlib
+import importlib.util
 import logging
 import os
+import pickle
+import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -131,7 +135,7 @@ def test_crashed_rows_are_run_again_with_the_journal(study, tmp_path):
     flag = str(broken)
 
     def model(a, b):
-        if a > 0.9 and os.path.exists(flag):
+        if a > 0.8 and os.path.exists(flag):
             os.kill(os.getpid(), signal.SIGKILL)
         return a + b
 
@@ -140,7 +144,14 @@ def test_crashed_rows_are_run_again_with_the_journal(study, tmp_path):
     options = {"isolate": True, "retries": 0, "on_failure": "nearest", "journal": tmp_path / "s"}
     first = whole.run(design, **options)
     assert "SIGKILL" in first.messages[int(first.failed[0])]
+    # What is known without running says so; a shard of the other rows leaves them as they are.
+    known = whole.collect(design, journal=tmp_path / "s")
+    assert np.array_equal(known.status, first.status) and known.messages == first.messages
     broken.unlink()
+    half = whole.run(design, shard=(1, 2), writer="half", **options)
+    rows = np.arange(design.rows) // design.block_rows % 2 == 1
+    assert np.array_equal(half.status[rows], first.status[rows]) and half.status[rows].any()
+    assert not half.status[~rows].any() and first.status[~rows].any()
     again = whole.run(design, **options)
     assert not again.failed.size
     assert np.array_equal(again.wall_s[first.status == 0], first.wall_s[first.status == 0])
@@ -157,6 +168,86 @@ def test_an_array_function_that_crashes_is_narrowed_down(study):
     runs = vector.run(design, isolate=True, retries=0, task_s=100, on_failure="nearest")
     assert np.array_equal(runs.status == CRASHED, design.values()[:, 0] > 0.9)
     assert 0 < runs.failed.size < 6
+
+
+WHERE = ({}, {"isolate": True}, {"workers": 2, "isolate": False}, {"workers": 2})
+
+
+@pytest.mark.parametrize("where", WHERE, ids=str)
+@pytest.mark.parametrize("vectorized", [False, True])
+def test_a_run_that_says_it_crashed_is_tried_again_anywhere(study, tmp_path, where, vectorized):
+    """As often as `retries` says, whether a process is lost or the model tells."""
+    calls = tmp_path / "calls"
+
+    def model(a, b):
+        many = len(a) if vectorized else 1
+        with calls.open("a") as log:
+            log.write("x" * many)
+        if many == 1:
+            raise st.RunFailed("crashed", "no licence")
+        return st.RunTable(np.zeros(many), ["timeout"] * many)
+
+    said = ulna.Study(study.factors, model, vectorized=vectorized)
+    design = said.design(n=4)
+    runs = said.run(design, retries=2, on_failure="nearest", **where)
+    assert set(runs.status) <= {CRASHED, TIMEOUT}
+    assert calls.stat().st_size == 3 * design.rows
+
+
+@pytest.mark.parametrize("where", WHERE, ids=str)
+def test_an_array_function_that_raises_is_narrowed_down(study, where):
+    """A row fails for what the function says of it alone; the others have their results."""
+    def arrays(a, b):
+        if (b > 0.9).any():
+            raise st.RunFailed("diverged", "too far")
+        if (a > 0.9).any():
+            raise ValueError("odd") if (a < 0.95).all() else SystemExit(3)
+        return a + b
+
+    vector = ulna.Study(study.factors, arrays, vectorized=True)
+    design = vector.design(n=64, seed=1)
+    runs = vector.run(design, on_failure="drop_block", **where)
+    a, b = design.values().T
+    expected = np.where(b > 0.9, "diverged", np.where(a > 0.9, "raised", "ok"))
+    assert [STATUSES[code] for code in runs.status] == expected.tolist()
+    assert np.array_equal(runs.y[expected == "ok", 0], (a + b)[expected == "ok"])
+    said = {runs.messages[row] for row in runs.failed}
+    assert said == {"too far", "ValueError: odd", "called sys.exit(3)"}
+
+
+@pytest.mark.parametrize("where", WHERE, ids=str)
+def test_an_array_function_that_raises_stops_the_study_with_its_rows(study, where):
+    def run(error):
+        def arrays(a, b):
+            raise error
+
+        vector = ulna.Study(study.factors, arrays, vectorized=True)
+        vector.run(vector.design(n=4), **where)
+
+    rows = r"runs? \d( to \d+)?"
+    with pytest.raises(KeyError) as caught:
+        run(KeyError("torque"))
+    assert any(re.fullmatch(f"in {rows} of the study", note) for note in caught.value.__notes__)
+    with pytest.raises(ulna.DataError, match=rows + r" failed \(limit: knee\); choose on_failure"):
+        run(st.RunFailed("limit", "knee"))
+    with pytest.raises(ulna.DataError, match=r"the function called sys.exit\(2\)"):
+        run(SystemExit(2))
+
+
+@pytest.mark.parametrize("where", WHERE, ids=str)
+def test_a_function_that_exits_has_raised(study, where):
+    def leaves(a, b):
+        if a > 0.5:
+            sys.exit(0)
+        return a
+
+    quits = ulna.Study(study.factors, leaves)
+    design = quits.design(n=8, seed=1)
+    runs = quits.run(design, on_failure="nearest", **where)
+    assert np.array_equal(runs.status == STATUSES.index("raised"), design.values()[:, 0] > 0.5)
+    assert {runs.messages[row] for row in runs.failed} == {"called sys.exit(0)"}
+    with pytest.raises(ulna.DataError, match=r"the function called sys.exit\(0\)"):
+        quits.run(design, **where)
 
 
 def test_the_functions_error_comes_back_with_its_traceback(study):
@@ -183,6 +274,16 @@ def test_the_functions_error_comes_back_with_its_traceback(study):
 
     with pytest.raises(ulna.DataError, match="shape"):
         ulna.Study(study.factors, wrong_shape, vectorized=True).sobol(n=4, isolate=True)
+
+
+def test_the_package_travels_with_a_function_that_names_it(study):
+    assert pickle.loads(pickle.dumps(ulna)) is ulna
+    cloudpickle = pytest.importorskip("cloudpickle")
+    names = {}
+    exec("import ulna\ndef f(a, b): return ulna.Uniform(0, 2).quantile(a) + b", names)
+    assert pickle.loads(cloudpickle.dumps(names["f"]))(0.5, 1.0) == 2.0
+    there = ulna.Study(study.factors, names["f"])
+    assert not there.run(there.design(n=2, seed=1), isolate=True).failed.size
 
 
 def test_what_cannot_be_sent_is_refused(study):
@@ -344,7 +445,8 @@ def test_a_dask_cluster_whose_workers_are_killed(tmp_path):
     assert np.array_equal(runs.status == CRASHED, rows)
     assert np.array_equal(runs.y[~rows, 0], [plain(*x) for x in design.values()[~rows]])
     known = study.collect(design, journal=tmp_path / "s")
-    assert np.array_equal(known.missing, np.flatnonzero(rows))  # a crash is not final
+    assert not known.missing.size and np.array_equal(known.status, runs.status)
+    assert known.messages == runs.messages
 
 
 @pytest.mark.slow
@@ -374,6 +476,51 @@ def test_a_dask_cluster_under_fire_and_its_throughput():
                 assert np.array_equal(again.status, runs.status)
     print(f"one worker {took[1]:.1f} s, two {took[2]:.1f} s")
     assert took[1] > 1.7 * took[2]
+
+
+ON_MPI = """
+import ulna
+from mpi4py.futures import MPIPoolExecutor
+
+def model(a, b):
+    if a > 0.9:
+        raise ulna.study.RunFailed("limit", "far")
+    return a * a + 0.1 * b
+
+if __name__ == "__main__":
+    unit = ulna.Uniform(0, 1)
+    study = ulna.Study({"a": unit, "b": unit}, model)
+    design = study.design(n=16, seed=1)
+    here = study.run(design, on_failure="nearest")
+    with MPIPoolExecutor() as pool:
+        there = study.run(design, on_failure="nearest", executor=pool)
+    assert here.y.tobytes() == there.y.tobytes() and here.failed.size
+    assert here.status.tolist() == there.status.tolist() and here.messages == there.messages
+    print("the same")
+"""
+
+
+def test_an_mpi_pool(tmp_path):
+    if importlib.util.find_spec("mpi4py") is None or shutil.which("mpiexec") is None:
+        pytest.skip("needs mpi4py, and mpiexec of an MPI library")
+    script = tmp_path / "on_mpi.py"
+    script.write_text(ON_MPI)
+    # Open MPI starts nothing for root, and no more ranks than cores, unless it is told to.
+    env = {
+        **os.environ, "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+        "OMPI_MCA_rmaps_base_oversubscribe": "1",
+        "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
+    }  # fmt: skip
+
+    def ranks(*words):
+        start = ["mpiexec", "-n", "3", sys.executable, *words]
+        return subprocess.run(start, capture_output=True, text=True, timeout=120, env=env)
+
+    first = ranks("-c", "from mpi4py import MPI; assert MPI.COMM_WORLD.size == 3")
+    if first.returncode:
+        pytest.skip(f"mpi4py and mpiexec do not work together: {first.stderr[-300:]}")
+    done = ranks("-m", "mpi4py.futures", str(script))
+    assert done.stdout == "the same\n", done.stderr
 
 
 # Shards and budgets --------------------------------------------------------------------------------

@@ -201,5 +201,9 @@ class _Package(ModuleType):
             value = getattr(value, name)
         super().__setattr__(name, value)
 
+    def __reduce__(self) -> Any:
+        # A script's function that names the package travels to other processes by its code.
+        return import_module, (self.__name__,)
+
 
 sys.modules[__name__].__class__ = _Package

@@ -11,10 +11,13 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
-from ._command import OK, Usage, add_command, not_negative
+from ._command import OK, Usage, add_command, not_negative, seed
 
 # Status of the command for a run that did not end as ok: the description was sound.
 FAILED = 1
+
+_TABLES = ("scene", "soft", "protocol", "link")  # of a scene's file
+_MOST_NOISE = 1e6  # N m; the library takes no more
 
 
 def add_to(kinds: Any) -> None:
@@ -26,8 +29,13 @@ def add_to(kinds: Any) -> None:
         examples="  ulna simulate assessment --out log.csv\n"
         "  ulna simulate assessment --soft --out log.csv\n"
         "  ulna simulate assessment --scene scene.toml --balanced --noise 0.1 --out log.csv\n"
-        "  ulna assess log.csv",
+        "  ulna simulate assessment --scene swing.toml --balanced --out swing.csv\n"
+        "  ulna assess swing.csv    # of a swing by a few degrees only: the log of a movement\n"
+        "                           # through the range is for exo.identify_viscoelasticity",
     )
+    parser.epilog = (
+        parser.epilog or ""
+    ) + "\n  1  the run did not end as ok; the reason is printed"
     parser.add_argument(
         "--scene", metavar="TOML",
         help="[scene]: settings of ulna.exo.exoskeleton, [soft]: of ulna.exo.Soft, [protocol]: of "
@@ -55,23 +63,41 @@ def add_to(kinds: Any) -> None:
     )
     parser.add_argument(
         "--noise",
-        type=not_negative,
+        type=_noise,
         default=0.0,
         metavar="NM",
         help="rms of the torque's error",
     )
-    parser.add_argument("--seed", type=int, default=0, help="of the error (default: 0)")
+    parser.add_argument(
+        "--seed", type=seed, default=0, help="of the error, from 0 (default: 0)"
+    )
     parser.add_argument(
         "--json", action="store_true", help="print one JSON object, nothing else"
     )
     parser.set_defaults(run=_assess)
 
 
+def _noise(text: str) -> float:
+    """An rms error of a torque in N m."""
+    value = not_negative(text)
+    if value > _MOST_NOISE:
+        raise argparse.ArgumentTypeError(f"{text} is above {_MOST_NOISE:.0f} N m")
+    return value
+
+
+def _check_out(out: str) -> None:
+    """Refuse before the simulation where no log can be written after it."""
+    if Path(out).is_dir():
+        raise Usage(f"--out {out} is a folder: give the name of a file")
+    if not Path(out).parent.is_dir():
+        raise Usage(f"--out {out}: there is no folder {Path(out).parent}")
+
+
 def _assess(options: argparse.Namespace) -> int:
     from . import exo
 
-    if options.out is not None and Path(options.out).is_dir():
-        raise Usage(f"--out {options.out} is a folder: give the name of a file")
+    if options.out is not None:
+        _check_out(options.out)
     plant, protocol = _scene(options)
     found = exo.mobilise(plant, protocol, published_estimator=options.published)
     record, joints = found.record, found.joints
@@ -106,6 +132,12 @@ def _scene(options: argparse.Namespace) -> tuple[Any, Any]:
             described = tomllib.loads(Path(options.scene).read_text(encoding="utf-8"))
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as failure:
             raise Usage(f"--scene {options.scene} is not TOML: {failure}") from failure
+    for name in described:
+        if name not in _TABLES:
+            raise Usage(
+                f"--scene {options.scene} has {name!r}, which there is not; there are "
+                f"[{'], ['.join(_TABLES[:-1])}] and [[link]]"
+            )
     scene = _table(described, "scene", options.scene)
     settings = _table(described, "protocol", options.scene)
     known = set(inspect.signature(exo.exoskeleton).parameters) - {"device", "soft"}
@@ -121,7 +153,7 @@ def _scene(options: argparse.Namespace) -> tuple[Any, Any]:
         settings["shape"] = options.shape
     if options.balanced:
         settings["balanced"] = True
-    device = described if "link" in described else None
+    device = {"link": described["link"]} if "link" in described else None
     plant = exo.exoskeleton(device, soft=soft, **scene)
     return plant.reduced() if options.reduced else plant, exo.Protocol(**settings)
 

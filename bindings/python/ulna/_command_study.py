@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
+import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -137,7 +139,37 @@ def read_file(options: argparse.Namespace) -> Any:
     """The study's file, checked."""
     from ._study_file import read_study
 
-    return read_study(options.file)
+    with _models_print_elsewhere():
+        return read_study(options.file)
+
+
+@contextlib.contextmanager
+def _models_print_elsewhere() -> Iterator[None]:
+    """What a model or its libraries print goes to standard error: the output is the command's."""
+    kept = None
+    with contextlib.suppress(OSError):  # a stream may be closed
+        sys.stdout.flush()
+        kept = os.dup(1)
+        os.dup2(2, 1)
+    try:
+        with contextlib.redirect_stdout(sys.stderr):
+            yield
+    finally:
+        if kept is not None:
+            _flush_libraries()
+            os.dup2(kept, 1)
+            os.close(kept)
+
+
+def _flush_libraries() -> None:
+    """Write out what was printed past `sys.stdout`."""
+    import ctypes
+
+    with contextlib.suppress(Exception):
+        ctypes.CDLL(None).fflush(None)
+    if sys.__stdout__ is not None:
+        with contextlib.suppress(OSError, ValueError):
+            sys.__stdout__.flush()
 
 
 # plan ----------------------------------------------------------------------------------------------
@@ -180,8 +212,6 @@ class _Unfinished(Exception):
 
 
 def _run(options: argparse.Namespace) -> int:
-    import contextlib
-
     file = read_file(options)
     folder = folder_of(options)
     need_figures(options)
@@ -207,19 +237,24 @@ def _run(options: argparse.Namespace) -> int:
 
         def execute(study: Any, design: Any, phase: str) -> Any:
             progress.phase = phase
-            runs = study.run(
-                design,
-                on_failure=file.on_failure,
-                journal=folder / phase,
-                progress=False if options.quiet else progress,
-                **running,
-            )
+            try:
+                runs = study.run(
+                    design,
+                    on_failure=file.on_failure,
+                    journal=folder / phase,
+                    progress=False if options.quiet else progress,
+                    **running,
+                )
+            except Exception as failure:
+                _tell_of_model(failure)
+                raise
             if runs.missing.size:
                 raise _Unfinished(phase, runs)
             return runs
 
         try:
-            found = _execute(file, execute)
+            with _models_print_elsewhere():
+                found = _execute(file, execute)
         except _Unfinished as unfinished:
             more = (
                 "run the other shards, merge them when they are in folders of their own, then run "
@@ -227,9 +262,19 @@ def _run(options: argparse.Namespace) -> int:
                 if options.shard
                 else "the time is up; run this again to go on"
             )
-            print(f"{unfinished}: {more}")
+            print(f"{unfinished}: {more}", file=sys.stderr if options.json else sys.stdout)
             return UNFINISHED
     return _tell(found, folder, options)
+
+
+def _tell_of_model(failure: Exception) -> None:
+    """An error of the model's own is none of ulna's: raise it as words, with its run."""
+    from . import Error
+
+    notes = getattr(failure, "__notes__", ())
+    where = next((note for note in notes if note.startswith(("in run ", "in runs "))), None)
+    if where is not None and not isinstance(failure, Error):
+        raise Usage(f"the model raised {type(failure).__name__}: {failure}, {where}") from failure
 
 
 class _Lines:
@@ -269,7 +314,7 @@ def _mpi() -> Any:
     try:
         from mpi4py.futures import MPIPoolExecutor
     except ImportError as failure:
-        raise Usage("--mpi needs mpi4py: install it with `pip install mpi4py`") from failure
+        raise Usage("--mpi needs mpi4py: install it with `pip install ulna[mpi]`") from failure
     return MPIPoolExecutor()
 
 
@@ -284,37 +329,18 @@ def _execute(file: Any, execute: Callable[[Any, Any, str], Any]) -> Any:
         kept[phase] = execute(study, design, phase)
         return kept[phase]
 
-    treat = {"on_failure": file.on_failure, "seed": file.design["seed"]}
-    both = dict(file.analysis)
-    effects = {name: value for name, value in both.items() if name != "estimator"}
     if file.kind == "two-phase":
-        d = file.design
-        first = {name: d[name] for name in ("scheme", "guard", "levels") if name in d}
-        second = {name: d[name] for name in ("second_order", "replicates", "dummy") if name in d}
-        found = two_phase(
-            file.study,
-            r=d["r"],
-            n=d["n"],
-            share=d["share"],
-            seed=d["seed"],
-            keep=d["keep"],
-            decide_by=d["decide_by"],
-            values=d["fix_at"],
-            on_failure=file.on_failure,
-            screening={**effects, **first},
-            ranking={**both, **second},
-            execute=keep,
-        )
+        found = two_phase(file.study, execute=keep, **file.two_phases())
         return Analysed(file, found.screening, found.ranking, found, kept)
     name, design = file.first_design()
     runs = keep(file.study, design, name)
     outputs = file.study.outputs
     if file.kind == "screen":
-        effects = {o: runs.screen(output=o, **treat, **effects) for o in outputs}
+        effects = {o: runs.screen(output=o, **file.options("screen")) for o in outputs}
         return Analysed(file, effects, {}, None, kept)
     ranked = {}
     if file.kind == "sobol":
-        ranked = {o: runs.sobol(output=o, **treat, **both) for o in outputs}
+        ranked = {o: runs.sobol(output=o, **file.options("sobol")) for o in outputs}
     return Analysed(file, {}, ranked, None, kept)
 
 
@@ -350,7 +376,7 @@ def collected(file: Any, folder: Path) -> Callable[[Any, Any, str], Any]:
         runs = study.collect(design, journal=folder / phase)
         if runs.missing.size:
             raise Usage(
-                f"{phase}: {runs.missing.size} of {len(runs.y)} runs are missing or crashed: "
+                f"{phase}: {runs.missing.size} of {len(runs.y)} runs are missing: "
                 "use `ulna study run` to go on"
             )
         return runs

@@ -23,6 +23,7 @@ from ._call import (
     text,
     view,
 )
+from ._exo_arguments import moved_joints, names_of, number, numbers, plant_pointer
 from .record import Record, _Record, pick, refuse
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ def _zero(value: float) -> float:
 
 def _positive(value: float | None, name: str) -> float | None:
     """A number whose 0 would mean the library's default."""
-    if value is not None and not value > 0:
+    if value is not None and not number(value, name) > 0:
         raise refuse(f"{name} is {value!r}; it must be positive", name)
     return value
 
@@ -163,9 +164,7 @@ class Protocol:
         return replace(self, **changes)
 
     def _struct(self) -> Any:
-        moved = None if self.moved is None else dict(self.moved)
-        if moved is not None and not moved:
-            raise refuse("moved names no joint", "moved")
+        moved = None if self.moved is None else moved_joints(self.moved)
         positive = (
             "duration_s", "hold_s", "start_limit_s", "start_angle_rad", "start_rate_rad_s",
             "log_rate_hz", "rate_limit_rad_s", "follow_limit_rad", "length_threshold", "repeats",
@@ -174,9 +173,9 @@ class Protocol:
             "kp", "ki", "kd", "flexors", "extensors", "rate_gain_s", "rate_threshold_1_s", "delay_s",
         )  # fmt: skip
         for name in or_none:
-            if not getattr(self, name) >= 0:
+            if not number(getattr(self, name), name) >= 0:
                 raise refuse(f"{name} is {getattr(self, name)!r}; it must be 0 or more", name)
-        if self.settle_s is not None and not self.settle_s >= 0:
+        if self.settle_s is not None and not number(self.settle_s, "settle_s") >= 0:
             raise refuse(f"settle_s is {self.settle_s!r}; it must be 0 or more", "settle_s")
         plain = (
             "rest_s", "shoulder", "length_gain", "approach_s", "limit_margin_rad", "time_limit_s",
@@ -187,8 +186,8 @@ class Protocol:
             moved=None if moved is None else list(moved),
             end_rad=None if moved is None else np.array(list(moved.values()), dtype=float),
             moved_count=None if moved is None else len(moved),
-            start_rad=None if self.start_rad is None else np.asarray(self.start_rad, dtype=float),
-            speeds=np.atleast_1d(np.asarray(self.speeds, dtype=float)),
+            start_rad=None if self.start_rad is None else numbers(self.start_rad, "start_rad"),
+            speeds=np.atleast_1d(numbers(self.speeds, "speeds")),
             shape=pick(_MOTIONS, self.shape, "shape"),
             torque=pick(_TORQUES, self.torque, "torque"),
             excitation=pick(_EXCITATIONS, self.excitation, "excitation"),
@@ -199,8 +198,16 @@ class Protocol:
             settle_s=None if self.settle_s is None else _zero(self.settle_s),
             **{name: _positive(getattr(self, name), name) for name in positive},
             **{name: _zero(getattr(self, name)) for name in or_none},
-            **{name: getattr(self, name) for name in plain},
+            **{name: number(getattr(self, name), name) for name in plain},
         )
+
+
+def protocol_of(given: Protocol | None) -> Protocol:
+    """A protocol as it is given: itself, or None for the defaults."""
+    chosen = Protocol() if given is None else given
+    if not isinstance(chosen, Protocol):
+        raise refuse(f"protocol is a {type(chosen).__name__}, not a Protocol", "protocol")
+    return chosen
 
 
 @dataclass(frozen=True)
@@ -358,7 +365,8 @@ def mobilise(
         Its device must hold the arm.
     protocol : Protocol, optional
     nominal : Plant, optional
-        Whose description is the nominal model. Default: the plant's own.
+        Whose description is the nominal model. Default: the plant's own. One that was changed or
+        read has none; in a scene that was read, joints, motors and muscles have its names.
     published_estimator : bool
         See :func:`identify_viscoelasticity`.
 
@@ -376,10 +384,11 @@ def mobilise(
     >>> bool(abs(done.joints[0].k - done.joints[0].true_k) < 1e-9)
     True
     """
-    chosen = Protocol() if protocol is None else protocol
-    other = ffi.NULL if nominal is None else nominal._pointer
+    chosen = protocol_of(protocol)
+    own = plant_pointer(plant)
+    other = ffi.NULL if nominal is None else plant_pointer(nominal, "nominal")
     out = ffi.new("ulna_mobilisation **")
-    long_call(lib.ulna_mobilisation_new, plant._pointer, other, chosen._struct(), ffi.NULL, out)
+    long_call(lib.ulna_mobilisation_new, own, other, chosen._struct(), ffi.NULL, out)
     handle = _Mobilisation(out[0])
     raw = result("ulna_mobilisation_result")
     check(lib.ulna_mobilisation_get_result(handle.pointer, raw))
@@ -435,7 +444,7 @@ def estimator_options(
     def switch(value: bool | None, otherwise: bool) -> bool:
         return otherwise if value is None else value
 
-    names = None if joints is None else list(joints)
+    names = None if joints is None else names_of(joints, "joints")
     return options(
         "ulna_viscoelastic_options",
         joints=names,
@@ -531,12 +540,13 @@ def identify_viscoelasticity(
         level=level,
         seed=seed,
     )
-    other = ffi.NULL if nominal is None else nominal._pointer
+    own = plant_pointer(plant)
+    other = ffi.NULL if nominal is None else plant_pointer(nominal, "nominal")
     out = ffi.new("ulna_viscoelastic **")
     long_call(
         lib.ulna_viscoelastic_new,
         record._handle.pointer,
-        plant._pointer,
+        own,
         other,
         struct,
         ffi.NULL,
@@ -606,12 +616,13 @@ def with_errors(
         seed=seed,
         run=run,
     )
-    other = ffi.NULL if nominal is None else nominal._pointer
+    own = plant_pointer(plant)
+    other = ffi.NULL if nominal is None else plant_pointer(nominal, "nominal")
     return Record(
         _Record.make(
             lib.ulna_record_with_joint_errors,
             record._handle.pointer,
-            plant._pointer,
+            own,
             other,
             struct,
         )
@@ -649,7 +660,7 @@ def muscle_impedance(
     pointer = ffi.cast("double *", values.ctypes.data)
     long_call(
         lib.ulna_plant_muscle_impedance,
-        plant._pointer,
+        plant_pointer(plant),
         *(view(r) for r in rows),
         ffi.NULL,
         pointer,

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from hashlib import sha256
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._call import Handle, check, ffi, lib, long_call, options, text, view
-from ._exo_assessment import Protocol
+from ._exo_arguments import plant_pointer
+from ._exo_assessment import protocol_of
 from .record import refuse
 
 if TYPE_CHECKING:
+    from ._exo_assessment import Protocol
     from ._factors import Factor
     from ._study_call import RunTable
     from .exo import Plant
@@ -98,6 +102,13 @@ def published_factors() -> dict[str, Factor]:
         "upper_stiffness_n_m": Uniform(100.5, 974.43),
         "fore_stiffness_n_m": Uniform(100.5, 974.43),
     }
+
+
+def _nominal_words(nominal: Any) -> bool | str:
+    """What a journal's plan says of the estimator's nominal model: each row's own, or which."""
+    if nominal is None or isinstance(nominal, str):
+        return nominal is not None
+    return sha256(nominal.mjcf.encode()).hexdigest()
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +211,7 @@ class AssessmentModel:
     ) -> None:
         from ._exo_assessment import estimator_options
         from ._exo_soft import Soft
-        from .exo import _reduction_options, _scene_options, exoskeleton
+        from .exo import _reduction_options, _scene_options, exoskeleton, read_device
 
         if isinstance(factors, str):
             raise refuse("factors must be a sequence of names, not one text", "factors")
@@ -222,6 +233,8 @@ class AssessmentModel:
                     "outputs",
                 )
         self.threads = threads
+        if isinstance(device, str | Path):
+            device = read_device(device)
         self._made_of = {
             "outputs": self.outputs, "scene": scene, "device": device, "soft": soft,
             "reduced": reduced, "nominal": nominal, "protocol": protocol,
@@ -239,7 +252,7 @@ class AssessmentModel:
         reduction = None
         if reduced is not False:
             reduction = _reduction_options(**(reduced if isinstance(reduced, Mapping) else {}))
-        chosen = Protocol() if protocol is None else protocol
+        chosen = protocol_of(protocol)
         # Made once; what it points to must live until then.
         parts = (struct, soft_struct, reduction, chosen._struct(), estimator_options(**dict(identify or {})))
         given = options(
@@ -247,7 +260,7 @@ class AssessmentModel:
             scene=parts[0],
             soft=parts[1],
             reduction=parts[2],
-            nominal=None if nominal is None else nominal._pointer,
+            nominal=None if nominal is None else plant_pointer(nominal, "nominal"),
             protocol=parts[3],
             estimator=parts[4],
             varied=np.array([_code(name) for name in self.factors], dtype=np.int32),
@@ -258,8 +271,8 @@ class AssessmentModel:
         self._handle = _Batch(out[0])
         # What makes a plan: a journal of other settings is refused by it.
         self._settings = repr(
-            (self.factors, self.outputs, kept, device, soft, reduced, nominal is None, chosen,
-             dict(identify or {}))
+            (self.factors, self.outputs, kept, device, soft, reduced, _nominal_words(self._made_of["nominal"]),
+             chosen, dict(identify or {}))
         )  # fmt: skip
 
     def run(self, rows: Mapping[str, ArrayLike]) -> AssessmentBatch:

@@ -6,10 +6,12 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from ._call import Handle, check, ffi, lib, long_call, result, text
-from ._exo_assessment import Protocol, estimator_options
-from .record import Record, _Record, refuse
+from ._exo_arguments import plant_pointer
+from ._exo_assessment import estimator_options, protocol_of
+from .record import Record, _Record
 
 if TYPE_CHECKING:
+    from ._exo_assessment import Protocol
     from .exo import Plant
 
 _NUMBERS = (
@@ -101,15 +103,13 @@ def difference(
     full: Plant, reduced: Plant | None, protocol: Protocol | None, **estimator: Any
 ) -> PlantDifference:
     """See :meth:`ulna.exo.Plant.difference`."""
-    chosen = Protocol() if protocol is None else protocol
-    if not isinstance(chosen, Protocol):
-        raise refuse(f"protocol is a {type(chosen).__name__}, not a Protocol", "protocol")
+    chosen = protocol_of(protocol)
     other = full.reduced() if reduced is None else reduced
     out = ffi.new("ulna_plant_difference **")
     long_call(
         lib.ulna_plant_difference_new,
         full._pointer,
-        other._pointer,
+        plant_pointer(other, "reduced"),
         chosen._struct(),
         estimator_options(**estimator),
         ffi.NULL,

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._call import ffi, lib, long_call, options
+from ._exo_arguments import as_numbers, number
 from .record import refuse
 
 Array = NDArray[np.float64]
@@ -141,7 +142,7 @@ class Soft:
             cuffs=_CUFFS.index(self.cuffs),
             unlined=self.unlined,
             fixed_device=self.fixed_device,
-            donning_rotation_rad=self.donning_rotation_rad,
+            donning_rotation_rad=number(self.donning_rotation_rad, "donning_rotation_rad"),
         )
         for name in _POINTS:
             _write(struct, name, getattr(self, name), 3)
@@ -153,26 +154,28 @@ class Soft:
 
 def _pair(name: str, value: ArrayLike) -> Array:
     """Two numbers as the library takes them, to which 0 means its default and less than 0 none."""
-    numbers = np.broadcast_to(np.asarray(value, dtype=float), (2,)).copy()
-    if (numbers < 0).any():
+    given = as_numbers(value)
+    if given is None or given.shape not in ((), (1,), (2,)):
+        raise refuse(
+            f"{name} is {value!r}; it must be one number, or two: upper arm, forearm", name
+        )
+    pair = np.broadcast_to(given, (2,)).copy()
+    if (pair < 0).any():
         raise refuse(f"{name} is {value!r}; it must not be negative", name)
-    if (numbers == 0).any():
+    if (pair == 0).any():
         if name not in _EXACT_ZERO:
             raise refuse(f"{name} is {value!r}; it must be positive", name)
-        numbers[numbers == 0] = -1.0
-    return numbers
+        pair[pair == 0] = -1.0
+    return pair
 
 
 def _write(struct: Any, name: str, value: ArrayLike, count: int) -> None:
-    try:
-        numbers = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        numbers = np.empty(0)
-    if numbers.shape != (count,):
+    given = as_numbers(value)
+    if given is None or given.shape != (count,):
         raise refuse(f"{name} is {value!r}; it must be {count} numbers", name)
     field = getattr(struct, name)
-    for i, number in enumerate(numbers):
-        field[i] = number
+    for i, entry in enumerate(given):
+        field[i] = entry
 
 
 @dataclass(frozen=True)
@@ -313,7 +316,7 @@ def compression_test(
         Settings of the interfaces.
     limb : {"upper", "fore"}
     largest_strain : float
-        Where the force ends.
+        Where the force ends; below 0.9.
 
     Examples
     --------
@@ -325,7 +328,7 @@ def compression_test(
     """
     if limb not in LIMBS:
         raise refuse(f"limb is {limb!r}; it must be one of {', '.join(LIMBS)}", "limb")
-    if not largest_strain > 0:
+    if not number(largest_strain, "largest_strain") > 0:
         raise refuse(
             f"largest_strain is {largest_strain!r}; it must be positive",
             "largest_strain",

@@ -21,13 +21,15 @@ import traceback
 import weakref
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from ._call import DataError
-from ._study_call import Call, Outcome, wrong
+from ._study_call import Call, Outcome, stop_at, tried, wrong
 from ._study_indices import STATUSES
+from ._study_journal import TRANSIENT
 
 _START_S = 120.0  # to import the model
 _SHORT_S = 0.002  # runs that are sent several at once
@@ -98,7 +100,7 @@ def run_task(job: Job, rows: Sequence[int], points: Sequence[Sequence[float]]) -
             _calls.clear()
             _see(job.path)
             _calls[job.digest] = pickle.loads(job.data)  # noqa: S301 - our own
-        return _answer_again(job, _calls[job.digest], rows, points)
+        return _answer(job, _calls[job.digest], rows, points)
     child = getattr(_slots, "child", None)
     if child is None or child.job.digest != job.digest or child.job.path != job.path:
         if child is not None:
@@ -113,31 +115,27 @@ def run_task(job: Job, rows: Sequence[int], points: Sequence[Sequence[float]]) -
         raise
 
 
-def _answer_again(
+def _answer(
     job: Job, call: Call, rows: Sequence[int], points: Sequence[Sequence[float]]
 ) -> list[Outcome]:
-    """A model may itself say that a run crashed or took too long: those are tried again."""
     if call.vectorized:
-        out = _answer(call, rows, points)
+        try:
+            out = [_sendable(outcome) for outcome in call.many(np.asarray(points, dtype=float))]
+        except Exception as failure:
+            stop_at(rows, failure)
         _keep(job.study, rows, out)
         return out
     out = []
     for row, point in zip(rows, points, strict=True):
-        for _ in range(1 + job.retries):
-            if job.study in _abandoned:
-                raise Abandoned
-            (outcome,) = _answer(call, [row], [point])
-            if outcome.status not in (_CRASHED, _TIMEOUT):
-                break
-        _keep(job.study, [row], [outcome])
-        out.append(outcome)
+        out.append(tried(partial(_one, job, call, row, point), job.retries))
+        _keep(job.study, [row], out[-1:])
     return out
 
 
-def _answer(call: Call, rows: Sequence[int], points: Sequence[Sequence[float]]) -> list[Outcome]:
-    if call.vectorized:
-        return call.many(np.asarray(points, dtype=float))
-    return [_sendable(call.one(row, at)) for row, at in zip(rows, points, strict=True)]
+def _one(job: Job, call: Call, row: int, point: Sequence[float]) -> Outcome:
+    if job.study in _abandoned:
+        raise Abandoned
+    return _sendable(call.one(row, point))
 
 
 def _sendable(outcome: Outcome) -> Outcome:
@@ -183,13 +181,14 @@ class Child:
             for place, i in enumerate(batch):
                 outcome, lost = self._outcome()
                 self.pace_s = outcome.wall_s
-                again = lost and tries[i] < self.job.retries
+                again = outcome.status in TRANSIENT and tries[i] < self.job.retries
                 tries[i] += 1
                 if not again:
                     out[i] = outcome
                     _keep(self.job.study, [rows[i]], [outcome])
+                rest += [i] * again
                 if lost:
-                    rest = batch[place + 1 :] + rest + [i] * again
+                    rest = batch[place + 1 :] + rest
                     break
             waiting = rest
         return [out[i] for i in range(len(rows))]
@@ -201,7 +200,7 @@ class Child:
         answer, lost = self._outcome(len(rows))
         if not lost:
             if isinstance(answer, Outcome):
-                raise answer.error or wrong("the function failed")
+                stop_at(rows, answer.error or wrong("the function failed"))
             _keep(self.job.study, rows, answer)
             return answer
         if len(rows) == 1:
@@ -379,7 +378,7 @@ def serve(there: int, back: int) -> None:
         if call.vectorized:
             rows, points = message
             try:
-                answer: Any = call.many(np.asarray(points, dtype=float))
+                answer: Any = [_sendable(one) for one in call.many(np.asarray(points, dtype=float))]
             except Exception as failure:  # noqa: BLE001 - told to the parent
                 answer = _sendable(Outcome(STATUSES.index("raised"), 0.0, [], "", failure))
             say(answer)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import difflib
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -37,10 +39,26 @@ class _Sampling(Handle):
 
 def one_of(table: Mapping[str, int], value: Any, argument: str) -> int:
     """The constant behind a word."""
-    if value not in table:
+    if not isinstance(value, str) or value not in table:
         known = ", ".join(repr(word) for word in table if word != "given")
         raise refuse(f"{argument} is {value!r}; it must be one of {known}", argument)
     return table[value]
+
+
+def check_names(given: Iterable[str], known: tuple[str, ...], where: str = "") -> None:
+    """Refuse a name that means nothing here, and say which may be meant."""
+    for name in given:
+        if name not in known:
+            close = difflib.get_close_matches(name, known, n=1)
+            hint = f"; known are {', '.join(known)}" if known else ""
+            hint = f"; did you mean {close[0]!r}?" if close else hint
+            raise refuse(f"{where}{name!r} means nothing here{hint}", name)
+
+
+def check_share(value: Any, argument: str) -> None:
+    """Refuse what does not lie between 0 and 1."""
+    if not (isinstance(value, Real) and 0.0 < value < 1.0):
+        raise refuse(f"{argument} is {value!r}; it must lie between 0 and 1", argument)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +122,12 @@ class StudyDesign:
         put(self, "factors", factors)
         if self.guard is None:
             put(self, "guard", 0.0 if self.sampler == "pooled-latin" else 0.25)
+        if not (isinstance(self.guard, Real) and self.guard >= 0.0):
+            raise refuse(
+                f"guard is {self.guard!r}; it must be at least 0 and below 0.5, a share of a "
+                "factor's probability",
+                "guard",
+            )
         chosen = self._options()
         if self.sampler == "given":
             points = None if self.points is None else view(self.points)

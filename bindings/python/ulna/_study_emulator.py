@@ -21,6 +21,23 @@ def coordinate(factor: Factor, values: np.ndarray) -> np.ndarray:
     return np.log(values) if isinstance(factor, LogUniform) else values
 
 
+def check_runs(factors: int, runs: int) -> None:
+    """Refuse so many runs as an emulator cannot be made of, or that there be one at all."""
+    try:
+        import sklearn  # noqa: F401
+    except ImportError as failure:
+        raise ImportError(
+            "an emulator needs scikit-learn: install it with `pip install ulna[gp]`"
+        ) from failure
+    needed = max(16, 4 * (factors + 1))
+    if not needed <= runs <= MOST_RUNS:
+        raise refuse(
+            f"an emulator of {factors} factors takes {needed} to {MOST_RUNS} good runs of a plain "
+            f"sample, got {runs}",
+            "n",
+        )
+
+
 class Emulator:
     """One output of a study, predicted from good runs of a plain sample.
 
@@ -32,26 +49,11 @@ class Emulator:
     def __init__(
         self, factors: Sequence[Factor], x: np.ndarray, y: np.ndarray, *, name: str, seed: int
     ) -> None:
-        try:
-            from sklearn.exceptions import ConvergenceWarning
-            from sklearn.gaussian_process import GaussianProcessRegressor
-            from sklearn.gaussian_process.kernels import (
-                RBF,
-                ConstantKernel,
-                DotProduct,
-                WhiteKernel,
-            )
-        except ImportError as failure:
-            raise ImportError(
-                "an emulator needs scikit-learn: install it with `pip install ulna[gp]`"
-            ) from failure
-        needed = max(16, 4 * (len(factors) + 1))
-        if not needed <= len(y) <= MOST_RUNS:
-            raise refuse(
-                f"an emulator of {len(factors)} factors takes {needed} to {MOST_RUNS} good runs of "
-                f"a plain sample, got {len(y)}",
-                "n",
-            )
+        check_runs(len(factors), len(y))
+        from sklearn.exceptions import ConvergenceWarning
+        from sklearn.gaussian_process import GaussianProcessRegressor
+        from sklearn.gaussian_process.kernels import RBF, ConstantKernel, DotProduct, WhiteKernel
+
         self.factors = tuple(factors)
         points = self._points(x)
         self.middle, self.scale = points.mean(axis=0), points.std(axis=0)

@@ -161,7 +161,8 @@ class Farm:
             self._worker_lost(rows, failure)
             return
         for row, outcome in zip(rows.tolist(), outcomes, strict=True):
-            self.wall_s += outcome.wall_s
+            if np.isfinite(outcome.wall_s):  # a function may not know it
+                self.wall_s += outcome.wall_s
             self.known += 1
             if not self.at_once:
                 self.runner.take(row, outcome)

@@ -167,7 +167,8 @@ def multi_fidelity(
         The first one of `low` by default; both must have it.
     level : float
         Of the intervals, from a bootstrap of blocks. Of a Latin hypercube or a sequence they are
-        too wide, never too narrow, as the bootstrap does not see how even the points are.
+        usually too wide, as the bootstrap does not see how even the points are; of few points of a
+        sequence they can be too narrow.
     resamples : int
     on_failure : str
         "error", or "drop_block": blocks with a failed run of either model are left out.

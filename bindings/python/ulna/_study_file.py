@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import inspect
 import os
 import tomllib
@@ -21,9 +20,12 @@ from ._factors import (
     TruncatedNormal,
     Uniform,
 )
+from ._study_design import check_names, one_of
+from ._study_indices import ON_FAILURE, OPTIONS
 from ._study_model import FileModel, ProgramModel
+from ._study_two_phase import phases
 from .record import refuse
-from .study import Study, StudyDesign
+from .study import Study, StudyDesign, check_running
 
 _DISTRIBUTIONS: dict[str, type[Factor]] = {
     "uniform": Uniform,
@@ -45,7 +47,12 @@ _DESIGN = {
 }
 _RUN = ("workers", "isolate", "timeout_s", "retries", "task_s", "on_failure")
 _BUDGET = ("runs", "hours")
-_ANALYSIS = ("level", "resamples", "interval", "estimator", "threads")
+_ANALYSIS = {
+    "two-phase": OPTIONS["sobol"],
+    "sobol": OPTIONS["sobol"],
+    "screen": OPTIONS["screen"],
+    "sample": (),
+}
 
 
 @dataclass(frozen=True)
@@ -85,6 +92,33 @@ class StudyFile:
         chosen = {name: self.design[name] for name in self._of(_RANK)}
         return self.study.design(n=self.design["n"], seed=self.design["seed"], **chosen)
 
+    def options(self, analysis: str) -> dict[str, Any]:
+        """Options of an analysis, "screen" or "sobol"."""
+        chosen = self._told(analysis)
+        return {"on_failure": self.on_failure, "seed": self.design["seed"], **chosen}
+
+    def two_phases(self) -> dict[str, Any]:
+        """Options of both phases."""
+        names = ("r", "n", "share", "seed", "keep", "decide_by")
+        return {
+            **{name: self.design[name] for name in names},
+            "values": self.design["fix_at"],
+            "on_failure": self.on_failure,
+            "screening": {name: self.design[name] for name in self._of(_SCREEN)}
+            | self._told("screen"),
+            "ranking": {name: self.design[name] for name in self._of(_RANK)} | self._told("sobol"),
+        }
+
+    def _told(self, analysis: str) -> dict[str, Any]:
+        return {name: self.analysis[name] for name in OPTIONS[analysis] if name in self.analysis}
+
+    def check_analyses(self) -> None:
+        """Refuse what the analyses would refuse after all runs."""
+        if self.kind == "two-phase":
+            phases(self.study, **self.two_phases())
+        elif self.kind != "sample":
+            self.study._rehearse(self.first_design()[1], self.kind, self.options(self.kind))
+
 
 def read_study(path: str | os.PathLike[str]) -> StudyFile:
     """Read a file and check all that can be known before a run."""
@@ -102,7 +136,7 @@ def read_study(path: str | os.PathLike[str]) -> StudyFile:
 
 
 def _checked(source: Path, given: dict[str, Any]) -> StudyFile:
-    _known(given, _TOP, "")
+    check_names(given, _TOP, "")
     factors, units = _factors(given.get("factors"))
     groups = given.get("groups")
     if groups is not None and not (
@@ -120,13 +154,17 @@ def _checked(source: Path, given: dict[str, Any]) -> StudyFile:
     units |= more
     run = _section(given, "run", _RUN)
     on_failure = run.pop("on_failure", "drop_block")
-    analysis = _section(given, "analysis", _ANALYSIS)
+    one_of(ON_FAILURE, on_failure, "[run] on_failure")
+    # A program is a process of its own, which needs no other one to be ended.
+    check_running(**({**run, "isolate": None} if "program" in given else run))
+    analysis = _section(given, "analysis", None)
     budget = _section(given, "budget", _BUDGET)
     design = _section(given, "design", None)
     kind = design.pop("kind", "two-phase")
     if kind not in _DESIGN:
         raise refuse(f"[design] kind is {kind!r}; it must be one of {', '.join(_DESIGN)}", "design")
-    _known(design, _DESIGN[kind], f"[design] of kind {kind!r}: ")
+    check_names(design, _DESIGN[kind], f"[design] of kind {kind!r}: ")
+    check_names(analysis, _ANALYSIS[kind], f"[analysis] of kind {kind!r}: ")
     defaults: dict[str, Any] = {"seed": 0}
     if kind in ("two-phase", "screen"):
         defaults["r"] = 64
@@ -153,7 +191,7 @@ def _checked(source: Path, given: dict[str, Any]) -> StudyFile:
         function,
         outputs=outputs,
         groups=groups,
-        vectorized=bool(given.get("vectorized", False)),
+        vectorized=given.get("vectorized", False),
         units={name: unit for name, unit in units.items() if unit},
     )
     found = StudyFile(
@@ -169,6 +207,7 @@ def _checked(source: Path, given: dict[str, Any]) -> StudyFile:
         most_runs=most,
         budget_s=None if hours is None else 3600.0 * hours,
     )
+    found.check_analyses()
     designs = [found.first_design()[1], found.largest_ranking()]
     rows = sum(one.rows for one in designs if one is not None)
     if most is not None and rows > most:
@@ -185,16 +224,8 @@ def _section(given: dict[str, Any], name: str, known: tuple[str, ...] | None) ->
     if not isinstance(section, dict):
         raise refuse(f"{name} must be a table: [{name}]", name)
     if known is not None:
-        _known(section, known, f"[{name}] ")
+        check_names(section, known, f"[{name}] ")
     return dict(section)
-
-
-def _known(given: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:
-    for name in given:
-        if name not in known:
-            close = difflib.get_close_matches(name, known, n=1)
-            hint = f"; did you mean {close[0]!r}?" if close else f"; known are {', '.join(known)}"
-            raise refuse(f"{where}{name!r} means nothing here{hint}", name)
 
 
 def _factors(given: Any) -> tuple[dict[str, Factor], dict[str, str]]:
@@ -216,7 +247,7 @@ def _factors(given: Any) -> tuple[dict[str, Factor], dict[str, str]]:
             )
         kind = _DISTRIBUTIONS[family]
         fields = tuple(f.name for f in dataclasses.fields(kind))
-        _known(words, fields, f"[factors.{name}] ")
+        check_names(words, fields, f"[factors.{name}] ")
         needed = [
             f.name for f in dataclasses.fields(kind)
             if f.default is dataclasses.MISSING and f.name not in words
@@ -255,10 +286,7 @@ def _model(
         return None
     if not isinstance(given["model"], str):
         raise refuse("model must be text, as 'file.py:function'", "model")
-    try:
-        model = FileModel(given["model"], folder)
-    except ImportError as failure:
-        raise refuse(f"the model cannot be imported ({failure})", "model") from failure
+    model = FileModel(given["model"], folder)
     try:
         inspect.signature(model.function()).bind(**dict.fromkeys(factors, 0.0))
     except TypeError as failure:

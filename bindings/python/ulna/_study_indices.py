@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ._call import Handle, check, ffi, lib, long_call, options, out_array, result, view
-from ._study_design import StudyDesign, one_of
+from ._call import DataError, Handle, check, ffi, lib, long_call, options, out_array, result, view
+from ._study_design import StudyDesign, check_share, one_of
 from .record import refuse
 
 __all__ = ["Convergence", "FailureReport", "Screening", "SobolIndices"]
@@ -31,6 +31,11 @@ ON_FAILURE = {
     "drop_block": lib.ULNA_ON_FAILURE_DROP_BLOCK,
     "nearest": lib.ULNA_ON_FAILURE_NEAREST,
     "surface": lib.ULNA_ON_FAILURE_SURFACE,
+}
+# What the analyses may be told besides the output, on_failure and the seed.
+OPTIONS = {
+    "screen": ("interval", "level", "resamples", "threads"),
+    "sobol": ("estimator", "interval", "level", "resamples", "threads"),
 }
 # Final status of a run, as the core numbers it; 0 is good.
 STATUSES = (
@@ -127,10 +132,7 @@ def analyse(
     random: bool = False,
 ) -> _Analysis:
     """One call of the core."""
-    if not 0.0 < level < 1.0:
-        raise refuse(f"level is {level!r}; it must lie between 0 and 1", "level")
-    if interval in ("percentile", "bca") and resamples < 1:
-        raise refuse(f"resamples is {resamples!r}; it must be at least 50", "resamples")
+    check_share(level, "level")
     chosen = options(
         "ulna_indices_options",
         level=level,
@@ -143,6 +145,8 @@ def analyse(
         on_failure=one_of(ON_FAILURE, on_failure, "on_failure"),
         threads=threads,
     )
+    if interval in ("percentile", "bca") and resamples < 1:  # zero bytes would mean the default
+        raise refuse(f"resamples is {resamples!r}; it must be at least 50", "resamples")
     outputs = np.ascontiguousarray(y, dtype=float)
     codes = ffi.NULL
     kept = None
@@ -284,10 +288,18 @@ def converge(
     if subset not in ("prefix", "random"):
         raise refuse(f"subset is {subset!r}; it must be 'prefix' or 'random'", "subset")
     chosen = _sizes(design.n, sizes, sequence)
-    parts = [again(blocks=size, random=subset == "random") for size in chosen]
+    analysed = {}
+    for size in chosen:
+        try:
+            analysed[size] = again(blocks=size, random=subset == "random")
+        except DataError:
+            # Where runs failed a small part may have too few complete blocks.
+            if sizes is not None or size == chosen[-1]:
+                raise
+    parts = list(analysed.values())
     return Convergence(
         names=design.names,
-        runs=np.array(chosen) * design.replicates * design.block_rows,
+        runs=np.array(list(analysed)) * design.replicates * design.block_rows,
         values={kind: np.array([part.value[kind] for part in parts]) for kind in kinds},
         low={kind: np.array([part.interval[kind][:, 0] for part in parts]) for kind in kinds},
         high={kind: np.array([part.interval[kind][:, 1] for part in parts]) for kind in kinds},
@@ -371,7 +383,8 @@ class SobolIndices:
         Parameters
         ----------
         sizes : sequence of int, optional
-            Blocks of each replicate; powers of two for a sequence, tenths otherwise.
+            Blocks of each replicate; powers of two for a sequence, tenths otherwise, but for those
+            that failed runs leave fewer than two complete blocks of.
         subset : str, optional
             "prefix" for a sequence, "random" otherwise.
         """

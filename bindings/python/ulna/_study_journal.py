@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import inspect
 import json
 import os
 from collections.abc import Callable, Sequence
@@ -26,6 +25,7 @@ from ._call import (
     text,
 )
 from ._study_design import StudyDesign
+from ._study_plan import Described, described, unfixed
 
 __all__ = ["StudyJournal"]
 
@@ -46,23 +46,17 @@ def plan_of(
     outputs: Sequence[str],
     function: Callable[..., Any] | None,
     vectorized: bool,
+    told: Described | None = None,
 ) -> dict[str, Any]:
     """All that the results depend on, as far as it can be known.
 
-    The function's own source is part of it; what it calls is not.
+    The function's own source is part of it, and what is bound to it; what it calls is not.
     """
-    fixed = getattr(function, "fixed", None)  # of Study.fix
-    if fixed is not None:
-        function = function.function
-    source = getattr(function, "plan_source", None)
-    try:
-        source = inspect.getsource(function) if source is None else source
-        digest = hashlib.sha256(source.encode("utf-8")).hexdigest()
-    except (OSError, TypeError, SyntaxError, IndexError):  # no file, or none that it can be found in
-        digest = None
+    _, fixed = unfixed(function)
+    told = described(function) if told is None else told
     points = design.points
     return {
-        **({} if fixed is None else {"fixed": dict(fixed)}),
+        **({} if fixed is None else {"fixed": fixed}),
         "factors": {
             name: [type(factor).__name__, np.asarray(factor._parameters(), dtype=float).tolist()]
             for name, factor in design.factors.items()
@@ -83,10 +77,9 @@ def plan_of(
         else hashlib.sha256(np.ascontiguousarray(points, dtype=float).tobytes()).hexdigest(),
         "outputs": list(outputs),
         "vectorized": bool(vectorized),
-        "function": getattr(
-            function, "plan_name", getattr(function, "__qualname__", type(function).__name__)
-        ),
-        "source": digest,
+        "function": told.name,
+        "source": told.source,
+        **({} if told.state is None else {"state": told.state}),
     }
 
 

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import difflib
 import hashlib
 import importlib
 import importlib.util
+import inspect
 import json
+import re
 import shutil
 import subprocess
 import sys
+import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from ._study_call import RunFailed
+from ._call import ArgumentError
+from ._study_call import RunFailed, exit_words
+from ._study_plan import innermost
 from .record import refuse
 
 
@@ -32,7 +38,9 @@ class FileModel:
         self.module = None if self.path else place
         self.plan_source = self._source()
         self._function: Callable[..., Any] | None = None
-        self.function()
+        self._load()
+        if self.path is None:
+            self.plan_source = self._module_source()
 
     def _source(self) -> str:
         if self.path is None:
@@ -41,6 +49,42 @@ class FileModel:
             return Path(self.path).read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as failure:
             raise refuse(f"the model {self.path} cannot be read ({failure})", "model") from failure
+
+    def _module_source(self) -> str:
+        """The module's name and text, and that of the file that it has the function from."""
+        found = inspect.unwrap(innermost(self.function()))
+        modules = dict.fromkeys((self.module, getattr(found, "__module__", None)))
+        texts = []
+        for module in modules:
+            try:
+                texts.append(inspect.getsource(sys.modules[str(module)]))
+            except (KeyError, OSError, TypeError):  # of a compiled module the name must do
+                pass
+        return "\n".join([f"{self.module}:{self.name}", *texts])
+
+    def _load(self) -> None:
+        """Load it before a study is made of it; what goes wrong is a refusal."""
+        try:
+            self.function()
+        except ArgumentError:
+            raise
+        except ImportError as failure:
+            raise refuse(f"the model cannot be imported ({failure})", "model") from failure
+        except (Exception, SystemExit) as failure:
+            words = f"the model cannot be loaded ({self._fault(failure)})"
+            raise refuse(words, "model") from failure
+
+    def _fault(self, failure: BaseException) -> str:
+        """An error in the model's file, and where it is."""
+        if isinstance(failure, SystemExit):
+            what = exit_words(failure)
+        else:
+            what = f"{type(failure).__name__}: {getattr(failure, 'msg', None) or failure}"
+        if isinstance(failure, SyntaxError):
+            return f"{what}, {failure.filename} line {failure.lineno}"
+        frames = traceback.extract_tb(failure.__traceback__)
+        own = [frame for frame in frames if frame.filename == self.path] or frames[-1:]
+        return f"{what}, {own[-1].filename} line {own[-1].lineno}"
 
     def function(self) -> Callable[..., Any]:
         """The function itself."""
@@ -98,7 +142,7 @@ class ProgramModel:
         self.outputs = tuple(outputs)
         self.folder = str(folder.resolve())
         self.timeout_s = timeout_s
-        self.by_input = not any(f"{{{name}}}" in word for word in words for name in names)
+        self.by_input = self._takes_input()
         first = words[0]
         beside = folder / first
         if "/" in first:
@@ -113,6 +157,24 @@ class ProgramModel:
         }
         self.plan_name = words[0]
         self.plan_source = json.dumps([list(words), digests], sort_keys=True)
+
+    def _takes_input(self) -> bool:
+        """Whether no factor has a place among the words; refuse places that are wrong."""
+        unplaced = [name for name in self.names if not any(f"{{{name}}}" in w for w in self.words)]
+        if unplaced and len(unplaced) < len(self.names):
+            raise refuse(
+                f"the program has no place for the factor {unplaced[0]!r}: write {{{unplaced[0]}}} "
+                "among its words, or no factor at all, and it gets all of them on its input",
+                "program",
+            )
+        for word in self.words:
+            place = re.fullmatch(r"(?:.*=)?\{(\w+)\}", word)
+            close = difflib.get_close_matches(place[1], unplaced, n=1) if place else []
+            if close:
+                raise refuse(
+                    f"the program's {word!r} names no factor; did you mean {{{close[0]}}}?", "program"
+                )
+        return len(unplaced) == len(self.names)
 
     def __call__(self, **named: float) -> Any:
         words = list(self.words)

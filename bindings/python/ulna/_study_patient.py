@@ -11,7 +11,8 @@ import numpy as np
 
 from ._call import AnalysisError, DataError
 from ._factors import Discrete, Factor, Normal
-from ._study_emulator import Emulator, coordinate
+from ._study_design import check_share
+from ._study_emulator import Emulator, check_runs, coordinate
 from .record import refuse
 
 if TYPE_CHECKING:
@@ -213,18 +214,12 @@ class _Sample:
 
 
 def _good_rows(runs: Runs, on_failure: str) -> np.ndarray:
-    if on_failure not in ("error", "drop_block"):
-        raise refuse(
-            f"on_failure is {on_failure!r}; a patient's runs are left out ('drop_block') or an "
-            "error ('error')",
-            "on_failure",
-        )
     rows = runs.base_rows()
     good = (runs.status[rows] == 0) & np.isfinite(runs.y[rows]).all(axis=1)
     if not good.all() and on_failure == "error":
         raise DataError(
             f"{np.count_nonzero(~good)} of {rows.size} runs have no result; on_failure='drop_block' "
-            "leaves them out, which excludes such patients",
+            f"leaves them out, which excludes such patients; {runs._why_failed()}",
             status="ULNA_ERROR_DATA",
             argument="runs",
             detail=f"row {rows[~good][0]}",
@@ -312,8 +307,6 @@ def _weights(
 ) -> tuple[np.ndarray, dict[str, tuple[float, float]], float]:
     count = len(sample.x)
     if not observed:
-        if covariance is not None:
-            raise refuse("a covariance of nothing observed", "covariance")
         return np.full(count, 1.0 / count), {}, 0.0
     names, values, matrix = _observation(observed, covariance)
     logs, distance = _likelihood(sample, names, values, matrix)
@@ -587,6 +580,62 @@ def _wanted(runs: Runs, quantities: Any) -> dict[str, str | float | None]:
     return wanted
 
 
+def check_question(
+    runs: Runs,
+    *,
+    quantities: Any,
+    observed: Mapping[str, Any] | None,
+    covariance: Any,
+    measurable: Sequence[str] | None,
+    method: str,
+    level: float,
+    on_failure: str,
+) -> None:
+    """Refuse a question that no results could answer: of `runs` only the design is looked at."""
+    if method not in METHODS:
+        raise refuse(f"method is {method!r}; it must be one of {', '.join(METHODS)}", "method")
+    check_share(level, "level")
+    if on_failure not in ("error", "drop_block"):
+        raise refuse(
+            f"on_failure is {on_failure!r}; a patient's runs are left out ('drop_block') or an "
+            "error ('error')",
+            "on_failure",
+        )
+    _wanted(runs, quantities)
+    names_of = runs.design.function_factors
+    if isinstance(measurable, str) or set(measurable or ()) - set(names_of):
+        raise refuse(f"measurable must be names of factors: {', '.join(names_of)}", "measurable")
+    _check_observed(runs, observed, covariance)
+    if not runs.design.has_points:
+        raise refuse("a patient needs the values of the factors: read_outputs(y, x=...)", "x")
+
+
+def _check_observed(runs: Runs, observed: Mapping[str, Any] | None, covariance: Any) -> None:
+    if observed is not None and not isinstance(observed, Mapping):
+        raise refuse("observed must map outputs to a value and its standard error", "observed")
+    for name in observed or {}:
+        if name not in runs.outputs:
+            raise refuse(
+                f"observed names no output {name!r}; there are {', '.join(runs.outputs)}", "observed"
+            )
+    if observed:
+        _observation(observed, covariance)
+    elif covariance is not None:
+        raise refuse("a covariance of nothing observed", "covariance")
+
+
+def check_size(runs: Runs, rows: np.ndarray, method: str) -> None:
+    """Refuse too few good rows for a method, and too many."""
+    if method == "emulator":
+        check_runs(len(runs.design.function_factors), rows.size)
+    elif rows.size < LEAST_EFFECTIVE:
+        raise refuse(
+            f"{rows.size} good runs of a plain sample are too few, at least {LEAST_EFFECTIVE:.0f} "
+            "are needed" + (f"; {runs._why_failed()}" if runs.failed.size else ""),
+            "n",
+        )
+
+
 def patient(
     runs: Runs,
     *,
@@ -600,31 +649,20 @@ def patient(
     on_failure: str,
 ) -> Patient:
     """See `Runs.patient`."""
-    if method not in METHODS:
-        raise refuse(f"method is {method!r}; it must be one of {', '.join(METHODS)}", "method")
-    if not 0.0 < level < 1.0:
-        raise refuse(f"level is {level!r}; it must lie between 0 and 1", "level")
+    check_question(
+        runs,
+        quantities=quantities,
+        observed=observed,
+        covariance=covariance,
+        measurable=measurable,
+        method=method,
+        level=level,
+        on_failure=on_failure,
+    )
     wanted = _wanted(runs, quantities)
-    names_of = runs.design.function_factors
-    chosen = names_of if measurable is None else tuple(measurable)
-    if isinstance(measurable, str) or set(chosen) - set(names_of):
-        raise refuse(f"measurable must be names of factors: {', '.join(names_of)}", "measurable")
-    if observed is not None and not isinstance(observed, Mapping):
-        raise refuse("observed must map outputs to a value and its standard error", "observed")
-    for name in observed or {}:
-        if name not in runs.outputs:
-            raise refuse(
-                f"observed names no output {name!r}; there are {', '.join(runs.outputs)}", "observed"
-            )
-    if not runs.design.has_points:
-        raise refuse("a patient needs the values of the factors: read_outputs(y, x=...)", "x")
+    chosen = runs.design.function_factors if measurable is None else tuple(measurable)
     rows = _good_rows(runs, on_failure)
-    least = LEAST_EFFECTIVE if method == "reweight" else 16
-    if rows.size < least:
-        raise refuse(
-            f"{rows.size} good runs of a plain sample are too few, at least {least:.0f} are needed",
-            "n",
-        )
+    check_size(runs, rows, method)
     errors = {error for error in wanted.values() if isinstance(error, str)}
     for name in errors:
         if (runs.output(name)[rows] < 0).any():

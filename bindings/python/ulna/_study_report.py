@@ -4,19 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ._call import Error
 from ._page import definitions, document, figure, table
-from ._study_indices import Screening, SobolIndices
+from ._study_indices import Convergence, Screening, SobolIndices
 from ._study_two_phase import TwoPhase
 
 if TYPE_CHECKING:
     from .plot import Picture
     from ._study_file import StudyFile
     from .study import Runs
+
+
+_BLOCKS_SHOWN = 32  # whose parts are not noise alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +39,8 @@ class Analysed:
         if self.phases is not None:
             return self.phases.summary()
         parts = [one.summary() for one in (*self.screening.values(), *self.ranking.values())]
+        if not parts and self.runs["runs"].failed.size == len(self.runs["runs"].y):
+            parts = [f"every run failed; {self.runs['runs']._why_failed()}"]
         if not parts:
             runs = self.runs["runs"]
             parts = [
@@ -122,12 +129,13 @@ class Analysed:
                     "left if all others were known.",
                     one.plot,
                 )  # fmt: skip
-                if one.outcome != "constant" and one.failures is None and one.blocks >= 32:
+                steps = self._convergence[output]
+                if not isinstance(steps, str):
                     yield (
                         f"convergence{tail}", f"Convergence{of}",
                         "The same indices from fewer runs: where the lines are level, more runs "
                         "change little.",
-                        lambda one=one: one.convergence().plot(),
+                        steps.plot,
                     )  # fmt: skip
             runs = list(self.runs.values())[-1]
             good = runs.base_rows()
@@ -157,6 +165,11 @@ class Analysed:
                     runs.plot_failures,
                 )  # fmt: skip
 
+    @cached_property
+    def _convergence(self) -> dict[str, Convergence | str]:
+        """The convergence of each ranked output, or why it is not shown."""
+        return {output: _converged(one) for output, one in self.ranking.items()}
+
     def page(self, command: str, pictures: list[Picture]) -> str:
         """The report."""
         return document(
@@ -172,6 +185,7 @@ class Analysed:
                 *(_screening_table(one) for one in self.screening.values()),
                 *(_ranking_table(one) for one in self.ranking.values()),
                 "<h2>Figures</h2>" if pictures else "",
+                self._not_drawn() if pictures else "",
                 *(figure(picture) for picture in pictures),
                 self._method(command),
             ],
@@ -210,10 +224,17 @@ class Analysed:
                 kinds = ", ".join(f"{count} {name}" for name, count in counts.items())
                 lines.append(
                     f"{phase}: {runs.failed.size} of {len(runs.y)} runs failed ({kinds}); they are "
-                    f"treated by {self.file.on_failure!r}."
+                    f"treated by {self.file.on_failure!r}. {runs._why_failed()}"
                 )
         words = "".join(f"<p>{escape(line)}</p>" for line in lines)
         return f'<div class="warn">{words}</div>' if words else ""
+
+    def _not_drawn(self) -> str:
+        return "".join(
+            f"<p>The convergence of {escape(output)} is not shown: {escape(why)}.</p>"
+            for output, why in self._convergence.items()
+            if isinstance(why, str)
+        )
 
     def _factors(self) -> str:
         rows = [
@@ -257,6 +278,17 @@ class Analysed:
         for one in [*self.ranking.values()][:1]:
             pairs.append(("estimator", f"{one.estimator}; intervals: {one.interval}"))
         return "<h2>How</h2>" + definitions(pairs)
+
+
+def _converged(one: SobolIndices) -> Convergence | str:
+    if one.outcome == "constant":
+        return "the output does not vary"
+    if one.blocks < _BLOCKS_SHOWN:
+        return f"{one.blocks} base points are fewer than {_BLOCKS_SHOWN}"
+    try:
+        return one.convergence()
+    except Error as failure:
+        return str(failure)
 
 
 def _counts(runs: Runs) -> dict[str, int]:

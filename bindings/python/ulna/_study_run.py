@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from ._study_call import Call, Outcome, wrong
+from ._study_call import GO_ON, Call, Outcome, stop_at, tried, wrong
 from ._study_design import StudyDesign
 from ._study_indices import STATUSES
 from ._study_journal import TRANSIENT, StudyJournal
@@ -17,7 +19,8 @@ _ROWS_AT_ONCE = 4096  # that a vectorised function gets
 NOT_RUN = -1
 
 
-def _named(values: Mapping[str, float]) -> str:
+def named(values: Mapping[str, float]) -> str:
+    """A point in words."""
     return ", ".join(f"{name} = {value:.6g}" for name, value in values.items())
 
 
@@ -25,7 +28,8 @@ class Runner:
     """Fills the arrays of a study's runs, from the journal where it knows them.
 
     `rows` are those that this process is to run (a shard); None for all. After `budget_s` no run
-    is begun any more.
+    is begun any more. Runs of the journal whose cause may be the machine are run `again`; without
+    it they count as failed.
     """
 
     def __init__(
@@ -37,11 +41,14 @@ class Runner:
         journal: StudyJournal | None,
         rows: np.ndarray | None = None,
         budget_s: float | None = None,
+        again: bool = True,
+        retries: int = 0,
     ) -> None:
-        self.call = call
+        self.stop = on_failure == "error"
+        # Of an array that raises, rows are told apart where the study goes on without them.
+        self.call = replace(call, narrow=not self.stop, retries=retries)
         self.design = design
         self.outputs = call.outputs
-        self.stop = on_failure == "error"
         self.journal = journal
         self.names = design.function_factors
         self.y = np.full((design.rows, len(self.outputs)), np.nan)
@@ -52,28 +59,34 @@ class Runner:
         self.until = None if budget_s is None else time.monotonic() + budget_s
         self.meter: Meter | None = None
         if journal is not None:
-            self._take_journal(journal)
+            self._take_journal(journal, again)
 
-    def _take_journal(self, journal: StudyJournal) -> None:
+    def _take_journal(self, journal: StudyJournal, again: bool) -> None:
         known = journal.status
-        done = (known >= 0) & ~np.isin(known, TRANSIENT)
+        passing = np.isin(known, TRANSIENT)
+        done = known >= 0
+        if again:
+            done &= ~(passing & self._own())
         self.status[done] = known[done]
         self.wall_s[done] = journal.wall_s[done]
         self.y[done] = journal.values[done]
-        lost = np.flatnonzero(done & (known != 0))
-        for row in lost:
+        lost = done & (known != 0)
+        for row in np.flatnonzero(lost):
             self.messages[int(row)] = journal.message(int(row))
-        if lost.size and self.stop:
-            self._stop(int(lost[0]), None)
+        final = np.flatnonzero(lost & ~passing)
+        if final.size and self.stop:
+            self._stop(int(final[0]), None)
+
+    def _own(self) -> np.ndarray:
+        """Whether a row is one of those that this process is to run."""
+        own = np.full(self.design.rows, self.rows is None)
+        if self.rows is not None:
+            own[self.rows] = True
+        return own
 
     def wanted(self) -> np.ndarray:
         """Rows without a result, in their order."""
-        missing = self.status == NOT_RUN
-        if self.rows is not None:
-            chosen = np.zeros_like(missing)
-            chosen[self.rows] = True
-            missing &= chosen
-        return np.flatnonzero(missing)
+        return np.flatnonzero((self.status == NOT_RUN) & self._own())
 
     def over(self) -> bool:
         """Whether the time is up."""
@@ -98,14 +111,18 @@ class Runner:
             if self.call.vectorized:
                 if self.over():
                     return
-                for row, outcome in zip(part.tolist(), self.call.many(points), strict=True):
+                try:
+                    outcomes = self.call.many(points)
+                except Exception as failure:
+                    stop_at(part.tolist(), failure)
+                for row, outcome in zip(part.tolist(), outcomes, strict=True):
                     self.take(row, outcome)
                 self.tick()
                 continue
             for row, point in zip(part.tolist(), points.tolist(), strict=True):
                 if self.over():
                     return
-                self.take(row, self.call.one(row, point))
+                self.take(row, tried(partial(self.call.one, row, point), self.call.retries))
                 self.tick()
 
     def tick(self) -> None:
@@ -118,7 +135,7 @@ class Runner:
         if self.stop and outcome.error is not None:
             # Not a result: the function is to be repaired, and the row run again.
             point = dict(zip(self.names, self.points(np.array([row]))[0].tolist(), strict=True))
-            outcome.error.add_note(f"in run {row} of the study, at {_named(point)}")
+            outcome.error.add_note(f"in run {row} of the study, at {named(point)}")
             raise outcome.error
         self.y[row] = outcome.values
         self.status[row] = outcome.status
@@ -134,9 +151,9 @@ class Runner:
 
     def _stop(self, row: int, cause: Exception | None) -> None:
         point = self.points(np.array([row]))[0].tolist()
-        where = _named(dict(zip(self.names, point, strict=False)))
+        where = named(dict(zip(self.names, point, strict=False)))
         raise wrong(
             f"run {row} failed ({STATUSES[self.status[row]]}: {self.messages[row]}) at {where}; "
-            "choose on_failure 'drop_block', 'nearest' or 'surface' to go on",
+            f"{GO_ON}",
             row,
         ) from cause

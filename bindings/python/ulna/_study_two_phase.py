@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ._study_design import check_names, check_share
+from ._study_indices import OPTIONS
 from .record import refuse
 
 if TYPE_CHECKING:
@@ -16,6 +19,10 @@ if TYPE_CHECKING:
     from .study import Runs, Study
 
 __all__ = ["TwoPhase"]
+
+# What of `screening` and of `ranking` is the design's; the rest is the analysis's.
+_OF_SCREENING = ("scheme", "sampler", "guard", "levels", "replicates")
+_OF_RANKING = ("sampler", "second_order", "replicates", "dummy")
 
 
 @dataclass(frozen=True)
@@ -144,7 +151,26 @@ def _shares(screening: Mapping[str, Screening]) -> dict[str, tuple[float, float]
     return out
 
 
-def two_phase(
+@dataclass(frozen=True)
+class Phases:
+    """Both phases before the first run, checked.
+
+    Attributes
+    ----------
+    screening : StudyDesign
+    ranking : dict
+        Of the second design, whose factors only the first phase tells.
+    screen, sobol : dict
+        Options of the analyses.
+    """
+
+    screening: StudyDesign
+    ranking: Mapping[str, Any]
+    screen: Mapping[str, Any]
+    sobol: Mapping[str, Any]
+
+
+def phases(
     study: Study,
     *,
     r: int,
@@ -157,47 +183,78 @@ def two_phase(
     on_failure: str,
     screening: Mapping[str, Any] | None,
     ranking: Mapping[str, Any] | None,
-    execute: Callable[[Study, StudyDesign, str], Runs],
-) -> TwoPhase:
-    """Both phases; see `Study.two_phase`. `execute` runs a design, of the phase of this name."""
-    if isinstance(keep, str) or set(keep) - set(study.factors):
-        raise refuse("keep must be names of factors", "keep")
-    if isinstance(decide_by, str) or set(decide_by) - set(study.outputs):
-        raise refuse("decide_by must be names of outputs", "decide_by")
-    deciding = tuple(name for name in study.outputs if name in (decide_by or study.outputs))
-    values = dict(values or {})
-    if set(values) - set(study.factors):
-        raise refuse(f"there is no factor {min(set(values) - set(study.factors))!r}", "values")
-    first = dict(screening or {})
-    chosen = {
-        k: first.pop(k) for k in ("scheme", "sampler", "guard", "levels", "replicates") if k in first
-    }
-    design = study.design(
-        **{"scheme": "radial", "sampler": "latin", "n": r, "seed": seed, **chosen}
+) -> Phases:
+    """Refuse what is wrong before anything is run; see `Study.two_phase`."""
+    check_share(share, "share")
+    _check_chosen(keep, study.factors, "keep must be names of factors", "keep")
+    _check_chosen(decide_by, study.outputs, "decide_by must be names of outputs", "decide_by")
+    _check_values(values or {}, study)
+    first, screen = _parted(screening, _OF_SCREENING, "screen", "screening")
+    second, sobol = _parted(ranking, _OF_RANKING, "sobol", "ranking")
+    treat = {"on_failure": on_failure, "seed": seed}
+    found = Phases(
+        study.design(**{"scheme": "radial", "sampler": "latin", "n": r, "seed": seed, **first}),
+        {"scheme": "saltelli", "sampler": "sobol", "n": n, "seed": seed, **second},
+        {**treat, **screen},
+        {**treat, **sobol},
     )
-    runs = execute(study, design, "screen")
-    screened = {
-        name: runs.screen(output=name, on_failure=on_failure, seed=seed, **first)
-        for name in study.outputs
-    }
+    study._rehearse(found.screening, "screen", found.screen)
+    if len(found.screening.names) > 1:
+        study._rehearse(study.design(**found.ranking), "sobol", found.sobol)
+    return found
+
+
+def _check_chosen(given: Any, known: Any, words: str, argument: str) -> None:
+    try:
+        good = not isinstance(given, str) and set(given) <= set(known)
+    except TypeError:
+        good = False
+    if not good:
+        raise refuse(words, argument)
+
+
+def _check_values(values: Any, study: Study) -> None:
+    if not isinstance(values, Mapping):
+        raise refuse("values must map factors to where they are fixed", "values")
+    for name, value in values.items():
+        if name not in study.factors:
+            raise refuse(f"there is no factor {name!r}", "values")
+        if not (isinstance(value, Real) and np.isfinite(value)):
+            raise refuse(f"{name} is to be fixed at {value!r}, which is no number", "values")
+
+
+def _parted(
+    given: Mapping[str, Any] | None, own: tuple[str, ...], analysis: str, argument: str
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Options of a phase's design, and of its analysis."""
+    options = dict(given or {})
+    check_names(options, (*own, *OPTIONS[analysis]), f"{argument}: ")
+    chosen = {name: options.pop(name) for name in own if name in options}
+    return chosen, options
+
+
+def two_phase(
+    study: Study,
+    *,
+    execute: Callable[[Study, StudyDesign, str], Runs],
+    **chosen: Any,
+) -> TwoPhase:
+    """Both phases; see `phases`. `execute` runs a design, of the phase of this name."""
+    planned = phases(study, **chosen)
+    share, keep, values = chosen["share"], chosen["keep"], chosen["values"]
+    deciding = tuple(
+        name for name in study.outputs if name in (chosen["decide_by"] or study.outputs)
+    )
+    runs = execute(study, planned.screening, "screen")
+    screened = {name: runs.screen(output=name, **planned.screen) for name in study.outputs}
     fixed, kept = decide(
         study, {name: screened[name] for name in deciding}, share=share, keep=keep, values=values
     )
     if len(kept) < 2:
         return TwoPhase(screened, {}, fixed, share, kept, deciding, runs, groups=study.groups)
     rest = study.fix(**fixed) if fixed else study
-    second = dict(ranking or {})
-    chosen = {
-        k: second.pop(k) for k in ("sampler", "second_order", "replicates", "dummy") if k in second
-    }
-    design = rest.design(
-        **{"scheme": "saltelli", "sampler": "sobol", "n": n, "seed": seed, **chosen}
-    )
-    ranked_runs = execute(rest, design, "rank")
-    ranked = {
-        name: ranked_runs.sobol(output=name, on_failure=on_failure, seed=seed, **second)
-        for name in study.outputs
-    }
+    ranked_runs = execute(rest, rest.design(**planned.ranking), "rank")
+    ranked = {name: ranked_runs.sobol(output=name, **planned.sobol) for name in study.outputs}
     return TwoPhase(
         screened, ranked, fixed, share, kept, deciding, runs, ranked_runs, groups=study.groups
     )
@@ -212,8 +269,6 @@ def decide(
     values: Mapping[str, float] | None = None,
 ) -> tuple[dict[str, float], tuple[str, ...]]:
     """Factors that are fixed and where; names of the factors or groups that are ranked."""
-    if not 0.0 < share < 1.0:
-        raise refuse(f"share is {share!r}; it must lie between 0 and 1", "share")
     if all(one.outcome == "constant" for one in screening.values()):
         raise refuse("no output varies in the screening: there is nothing to rank", "outputs")
     groups = study.groups or {}

@@ -11,6 +11,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._call import (
     ArgumentError,
+    FileError,
     FormatError,
     Handle,
     check,
@@ -32,6 +34,7 @@ from ._call import (
     text,
     view,
 )
+from ._exo_arguments import as_numbers, names_of, number, numbers
 from ._exo_assessment import (
     Assessment,
     Protocol,
@@ -69,7 +72,7 @@ from ._exo_soft import (
     compression_test,
     states_of,
 )
-from .record import pick
+from .record import pick, refuse
 
 __all__ = [
     "Assessment",
@@ -121,6 +124,7 @@ _PARTS = dict(constants("ULNA_PART_"))
 _QUANTITIES = dict(constants("ULNA_QUANTITY_"))
 _DYNAMICS = dict(constants("ULNA_DYNAMICS_"))
 _DEGREE = np.pi / 180.0
+_NO_ANGLE = 1e-12  # to the library 0 rad is a default where the arm is reduced
 
 # Key of a link in a device file -> numbers, default (None: must be there).
 _LINK_KEYS: dict[str, tuple[int, Any]] = {
@@ -157,6 +161,23 @@ def _fill(function: Any, *args: Any, shape: tuple[int, ...]) -> Array:
     return values
 
 
+def _refuse_zero(**values: Any) -> None:
+    """Zero bytes mean a default to the library; a zero that somebody wrote is a mistake.
+
+    Raises
+    ------
+    ArgumentError
+        For a number that is 0, and for what is none.
+    """
+    for name, value in values.items():
+        if value is not None and number(value, name) == 0:
+            raise refuse(f"{name} must not be 0", name)
+
+
+def _angle(value: float | None, name: str) -> float | None:
+    return None if value is None else number(value, name) or _NO_ANGLE
+
+
 def _reduction_options(
     *,
     start_rad: float = np.radians(110),
@@ -165,10 +186,13 @@ def _reduction_options(
     poses: int = 25,
 ) -> Any:
     """How soft interfaces become bushings, as the library takes it; see :meth:`Plant.reduced`."""
+    if activation is not None and not number(activation, "activation") >= 0:
+        raise refuse(f"activation is {activation!r}; it must be between 0 and 1", "activation")
+    _refuse_zero(poses=poses)
     return options(
         "ulna_reduction_options",
-        start_rad=start_rad,
-        end_rad=end_rad,
+        start_rad=_angle(start_rad, "start_rad"),
+        end_rad=_angle(end_rad, "end_rad"),
         activation=-1.0 if activation == 0 else activation,
         poses=poses,
     )
@@ -325,8 +349,14 @@ class Plant:
         """The plant with bushings in place of its soft interfaces, some twenty times as fast.
 
         The arm at rest, its elbow's muscles at `activation`, is followed through a movement of the
-        device's last joint from `start_rad` to `end_rad` in so many `poses`; what cuff and strap do
-        to it over how far it gives becomes their stiffness. It takes some 50 ms.
+        device's last joint from `start_rad` to `end_rad` in so many `poses`, 4 to 1000; what cuff and
+        strap do to it over how far it gives becomes their stiffness. It takes some 50 ms.
+
+        Raises
+        ------
+        ArgumentError
+            For a movement without way, fewer poses, an activation that is none, and a plant without
+            soft interfaces to reduce.
 
         Examples
         --------
@@ -358,7 +388,8 @@ class Plant:
         reduced : Plant, optional
             Default: this plant's, by the defaults of :meth:`reduced`.
         protocol : Protocol, optional
-            Of both. Reduce for its range and activation.
+            Of both. Reduce for its range; above a co-contraction of 0.4 over the whole range bushings
+            are off by more than 0.1 N m/rad.
         **estimator
             As of :func:`identify_viscoelasticity`.
 
@@ -560,12 +591,31 @@ def read_device(path: str | Path) -> dict[str, Any]:
     A link has ``name``, ``joint``, ``range_deg``, ``mass_kg``, ``centre_m``, ``inertia_kg_m2`` (xx yy
     zz xy xz yz about the centre of mass), and may have ``position_m``, ``quaternion`` (w x y z),
     ``axis``, ``reference_deg``, ``damping_nm_s``, ``friction_nm``, ``motor_limit_nm``.
-    ``examples/data/nesm.toml`` is the published device.
+    ``examples/data/nesm.toml`` is the published device without its straps: a file has none.
+
+    Raises
+    ------
+    FileError
+        When there is no such file or it cannot be read.
+    FormatError
+        When it is not TOML.
     """
+    if not isinstance(path, str | PathLike):
+        raise ArgumentError(
+            f"device is {path!r}; it must be the path of a TOML file or what read_device gives",
+            status="ULNA_ERROR_ARGUMENT",
+            argument="device",
+        )
     try:
         with open(path, "rb") as file:
             return tomllib.load(file)
-    except tomllib.TOMLDecodeError as failure:
+    except OSError as failure:
+        raise FileError(
+            f"{path} cannot be read: {failure.strerror}",
+            status="ULNA_ERROR_FILE",
+            argument="device",
+        ) from failure
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as failure:
         raise FormatError(
             f"{path} is not TOML: {failure}",
             status="ULNA_ERROR_FORMAT",
@@ -580,20 +630,36 @@ def _numbers(link: Mapping[str, Any], key: str, who: str) -> Array:
         raise FormatError(
             f"{who} has no {key}", status="ULNA_ERROR_FORMAT", argument=key
         )
-    try:
-        numbers = np.atleast_1d(np.asarray(value, dtype=float))
-    except (TypeError, ValueError):
-        numbers = np.empty(0)
-    if numbers.shape != (size,):
+    given = as_numbers(value)
+    row = np.empty(0) if given is None else np.atleast_1d(given)
+    if row.shape != (size,):
         raise FormatError(
             f"{key} of {who} must be {size} number{'s' if size > 1 else ''}",
             status="ULNA_ERROR_FORMAT",
             argument=key,
         )
-    return numbers * _DEGREE if key.endswith("_deg") else numbers
+    return row * _DEGREE if key.endswith("_deg") else row
+
+
+def _name(link: Mapping[str, Any], key: str, who: str) -> str:
+    name = link.get(key, "")
+    if not isinstance(name, str):
+        raise FormatError(
+            f"{key} of {who} is {name!r}; it must be a text",
+            status="ULNA_ERROR_FORMAT",
+            argument=key,
+        )
+    return name
 
 
 def _links(device: Mapping[str, Any]) -> tuple[Array, list[str]]:
+    for key in device:
+        if key != "link":
+            raise FormatError(
+                f"the device has {key!r}, which no device has; known is [[link]]",
+                status="ULNA_ERROR_FORMAT",
+                argument="device",
+            )
     links = device.get("link", [])
     if not isinstance(links, Sequence) or len(links) < 2:
         raise FormatError(
@@ -601,6 +667,12 @@ def _links(device: Mapping[str, Any]) -> tuple[Array, list[str]]:
         )
     rows, names = [], []
     for i, link in enumerate(links):
+        if not isinstance(link, Mapping):
+            raise FormatError(
+                f"link {i + 1} is {link!r}; it must be a table, [[link]]",
+                status="ULNA_ERROR_FORMAT",
+                argument="link",
+            )
         who = f"link {i + 1} ({link.get('name', 'without a name')})"
         unknown = set(link) - set(_LINK_KEYS) - {"name", "joint"}
         if unknown:
@@ -609,12 +681,13 @@ def _links(device: Mapping[str, Any]) -> tuple[Array, list[str]]:
                 f"{', '.join(_LINK_KEYS)}",
                 status="ULNA_ERROR_FORMAT",
             )
-        if not link.get("joint"):
+        name, joint = _name(link, "name", who), _name(link, "joint", who)
+        if not joint:
             raise FormatError(
                 f"{who} has no joint", status="ULNA_ERROR_FORMAT", argument="joint"
             )
         rows.append(np.concatenate([_numbers(link, key, who) for key in _LINK_KEYS]))
-        names += [str(link.get("name", "")), str(link["joint"])]
+        names += [name, joint]
     return np.array(rows), names
 
 
@@ -646,21 +719,18 @@ def _scene_options(
         table, names = _links(
             device if isinstance(device, Mapping) else read_device(device)
         )
-    for name, value in (
-        ("upper_factor", upper_factor),
-        ("fore_factor", fore_factor),
-        ("upper_mass_kg", upper_mass_kg),
-        ("fore_mass_kg", fore_mass_kg),
-        ("height_m", height_m),
-        ("mass_kg", mass_kg),
-        ("timestep_s", timestep_s),
-        ("impratio", impratio),
-    ):
-        # Zero bytes mean a default to the library; a zero that somebody wrote is a mistake.
-        if value is not None and value == 0:
-            raise ArgumentError(
-                f"{name} must not be 0", status="ULNA_ERROR_ARGUMENT", argument=name
-            )
+    _refuse_zero(
+        upper_factor=upper_factor,
+        fore_factor=fore_factor,
+        upper_mass_kg=upper_mass_kg,
+        fore_mass_kg=fore_mass_kg,
+        height_m=height_m,
+        mass_kg=mass_kg,
+        timestep_s=timestep_s,
+        solver_tolerance=solver_tolerance,
+        solver_iterations=solver_iterations,
+        impratio=impratio,
+    )
     return options(
         "ulna_scene_options",
         coupling=pick(_COUPLINGS, coupling, "coupling"),
@@ -685,7 +755,7 @@ def _scene_options(
         link_name_count=None if names is None else len(names),
         muscle_values=None
         if muscle_values is None
-        else np.asarray(muscle_values, dtype=float),
+        else numbers(muscle_values, "muscle_values"),
     )
 
 
@@ -730,7 +800,8 @@ def exoskeleton(
     shoulder_muscles : bool
         Fifteen straight muscles of the shoulder as well.
     published_straps : bool
-        Straps of 1.2 kg each, off their centre, as in the published simulation; else 0.05 kg.
+        Straps of 1.2 kg each, off their centre, as in the published simulation; else 0.05 kg. Of the
+        default device: one that is given has no straps.
     pronation, wrist : bool
         Joints of the forearm and of the wrist.
     upper_factor, fore_factor : float, optional
@@ -780,7 +851,11 @@ def exoskeleton(
 
 
 def read_scene(path: str | Path, *, contacts: int = 100) -> Plant:
-    """Compile a scene from an MJCF file; a run has room for so many contacts at once."""
+    """Compile a scene from an MJCF file; a run has room for so many contacts at once.
+
+    Such a plant has no nominal model; :func:`mobilise` takes that of another plant.
+    """
+    _refuse_zero(contacts=contacts)
     return Plant(_Plant.make(lib.ulna_plant_read, encode(path, "path"), contacts))
 
 
@@ -918,6 +993,86 @@ class ElbowTorque:
         return elbow_torque(self, axes)
 
 
+def _degrees(angle: ArrayLike) -> str:
+    return " to ".join(f"{value / _DEGREE:.4g}" for value in np.atleast_1d(angle))
+
+
+def _whole_range(plant: Plant, joint: str) -> Array:
+    """0 to 125 degrees in steps of one, as far as the joint goes."""
+    low, high = _range_of(plant, joint)
+    grid = np.arange(126) * _DEGREE
+    inside = grid[(grid >= low - 1e-9) & (grid <= high + 1e-9)]
+    if inside.size == 0:
+        raise refuse(
+            f"joint {joint!r} goes from {_degrees((low, high))} degrees, nowhere between 0 and 125: "
+            "give its angles",
+            "angle_rad",
+        )
+    return inside
+
+
+def _range_of(plant: Plant, joint: str) -> Array:
+    """Limits of a joint, rad; none for a joint that there is not, which the library refuses."""
+    names = plant.names("joint")
+    if joint not in names:
+        return np.array([-np.inf, np.inf])
+    return plant.range[names.index(joint)]
+
+
+def _check_within(plant: Plant, joint: str, angle: Array) -> None:
+    low, high = _range_of(plant, joint)
+    outside = angle[(angle < low - 1e-9) | (angle > high + 1e-9)]
+    if outside.size:
+        raise refuse(
+            f"angle_rad has {outside[0]:.6g} rad, which is {_degrees(outside[0])} degrees: joint "
+            f"{joint!r} goes from {_degrees((low, high))} degrees; angles are in rad, "
+            "np.radians makes them of degrees",
+            "angle_rad",
+        )
+
+
+def _turns(moment_arm: Array) -> bool:
+    return bool((np.abs(moment_arm) > 1e-9).any())
+
+
+def _refuse_idle(plant: Plant, joint: str, muscles: Sequence[str]) -> None:
+    """Say at which joint the muscles have a moment arm, where they have none at this one."""
+    names = plant.names("joint")
+    turned = next(
+        (
+            name
+            for name in sorted(names, key=lambda name: name != "elbow_flexion")
+            if _turns(_muscle_rows(plant, name, muscles, np.zeros(1), None)[1])
+        ),
+        None,
+    )
+    hint = f": joint={turned!r} is one that they turn" if turned else ""
+    raise refuse(f"the muscles have no moment arm at joint {joint!r}{hint}", "joint")
+
+
+def _muscle_rows(
+    plant: Plant,
+    joint: str,
+    muscles: Sequence[str],
+    angle: Array,
+    pose_rad: ArrayLike | None,
+) -> list[Array]:
+    """Length, moment arm, active and passive torque, each angles x muscles."""
+    names = [encode(name, "muscles") for name in muscles]
+    pose = ffi.NULL if pose_rad is None else view(np.asarray(pose_rad, dtype=float))
+    rows = _fill(
+        lib.ulna_plant_muscles,
+        plant._pointer,
+        encode(joint, "joint"),
+        ffi.new("const char *[]", names),
+        len(names),
+        view(angle),
+        pose,
+        shape=(angle.size, 4 * len(names)),
+    )
+    return np.split(rows, 4, axis=1)
+
+
 def isometric_torque(
     plant: Plant | None = None,
     *,
@@ -933,13 +1088,20 @@ def isometric_torque(
     plant : Plant, optional
         Default: the arm alone with its fitted muscles, shoulder at 90 degrees.
     angle_rad : array_like, optional
-        Default: 0 to 125 degrees in steps of one.
+        Within the joint's range. Default: 0 to 125 degrees in steps of one, as far as it goes.
     joint : str
-        On a device that holds the arm rigidly, its last joint ("J4").
+        That the muscles turn: the arm's own, "elbow_flexion", also in soft interfaces; on a device
+        that holds the arm rigidly the device's last one ("J4").
     muscles : sequence of str, optional
         Default: every muscle whose name is that of a tendon.
     pose_rad : array_like, optional
-        The other joints' angles; default: the plant's reference.
+        Angle of every joint, `joint` among them, which `angle_rad` replaces; default: the plant's
+        reference.
+
+    Raises
+    ------
+    ArgumentError
+        For angles outside the joint's range, a joint that no muscle turns, and no muscles.
 
     Examples
     --------
@@ -951,21 +1113,20 @@ def isometric_torque(
     if muscles is None:
         tendons = set(plant.names("tendon"))
         muscles = [name for name in plant.names("actuator") if name in tendons]
-    grid = np.arange(126) * _DEGREE if angle_rad is None else angle_rad
-    angle = np.atleast_1d(np.asarray(grid, dtype=float))
-    names = [encode(name, "muscles") for name in muscles]
-    pose = ffi.NULL if pose_rad is None else view(np.asarray(pose_rad, dtype=float))
-    rows = _fill(
-        lib.ulna_plant_muscles,
-        plant._pointer,
-        encode(joint, "joint"),
-        ffi.new("const char *[]", names) if names else ffi.NULL,
-        len(names),
-        view(angle),
-        pose,
-        shape=(angle.size, 4 * len(names)),
-    )
-    return ElbowTorque(angle, tuple(muscles), *np.split(rows, 4, axis=1))
+        if not muscles:
+            raise refuse("the plant has no muscles", "plant")
+    chosen = names_of(muscles, "muscles")
+    if not chosen:
+        raise refuse("muscles names no muscle", "muscles")
+    if angle_rad is None:
+        angle = _whole_range(plant, joint)
+    else:
+        angle = np.atleast_1d(numbers(angle_rad, "angle_rad"))
+        _check_within(plant, joint, angle)
+    rows = _muscle_rows(plant, joint, chosen, angle, pose_rad)
+    if not _turns(rows[1]):
+        _refuse_idle(plant, joint, chosen)
+    return ElbowTorque(angle, tuple(chosen), *rows)
 
 
 def fit_elbow_muscles(
@@ -993,6 +1154,7 @@ def fit_elbow_muscles(
     ndarray, shape (muscles, 3)
         Peak force in N and range, for ``exoskeleton(muscle_values=...)``.
     """
+    _refuse_zero(passive_limit_nm=passive_limit_nm)
     if evaluations is not None and evaluations < 1:
         raise ArgumentError(
             "evaluations must be 1 or more",

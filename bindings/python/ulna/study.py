@@ -15,8 +15,10 @@ from __future__ import annotations
 import contextlib
 import os
 import warnings
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -33,22 +35,25 @@ from ._factors import (
     check_factors,
 )
 from ._call import DataError
-from ._study_design import StudyDesign, one_of
+from ._study_design import StudyDesign, check_names, one_of
 from ._study_indices import (
     ON_FAILURE,
+    OPTIONS,
+    STATUSES,
     Convergence,
     FailureReport,
     Screening,
     SobolIndices,
     analyse,
 )
-from ._study_export import export, salib_files
+from ._study_export import export, salib_files, status_words
 from ._study_fidelity import MultiFidelity, multi_fidelity
 from ._study_journal import StudyJournal, plan_of
-from ._study_patient import Patient, PatientQuantity, patient
+from ._study_patient import Patient, PatientQuantity, check_question, check_size, patient
+from ._study_plan import Describes
 from ._study_call import Call, RunFailed, RunTable
 from ._study_progress import Meter, StudyProgress
-from ._study_run import NOT_RUN, Runner
+from ._study_run import NOT_RUN, Runner, named
 from ._study_salib import GivenData, factors_of_problem, given_data, problem_of
 from ._study_shards import check_shard, merge, rows_of_shard
 from ._study_two_phase import Fixed, TwoPhase, two_phase
@@ -128,6 +133,24 @@ class Runs:
         """Rows that were not run: of another shard, or because the time was up."""
         return np.flatnonzero(self.status == NOT_RUN)
 
+    def _why_failed(self) -> str:
+        """The commonest reason of failed runs, with its first row; empty when none failed."""
+        failed = self.failed.tolist()
+        if not failed:
+            return ""
+        words = status_words(np.where(self.status == 0, STATUSES.index("nonfinite"), self.status))
+        reasons = Counter((words[row], self.messages.get(row, "")) for row in failed)
+        (word, message), count = reasons.most_common(1)[0]
+        row = next(r for r in failed if (words[r], self.messages.get(r, "")) == (word, message))
+        where = f"first run {row}"
+        if self.design.has_points:
+            point = self.design.values(first=row, count=1)[0].tolist()
+            pairs = zip(self.design.function_factors, point, strict=False)  # no dummy
+            where += f" ({named(dict(pairs))})"
+        return f"{count} of {len(self.y)} runs have status {word!r}, {where}" + (
+            message and f": {message}"
+        )
+
     def output(self, name: str | None = None) -> np.ndarray:
         """One output, (rows,); the first when no name is given."""
         return self.y[:, self._place(name)]
@@ -154,7 +177,18 @@ class Runs:
         def again(**subset: Any) -> Any:
             return analyse(self.design, y, self.status, effects=effects, **chosen, **subset)
 
-        analysis = again()
+        try:
+            analysis = again()
+        except DataError as failure:
+            why = self._why_failed()
+            if not why:
+                raise
+            raise DataError(
+                f"{failure}; {why}",
+                status=failure.status,
+                argument=failure.argument,
+                detail=failure.detail,
+            ) from failure
         if analysis.outcome == "constant":
             from .impedance import UncertainResult
 
@@ -188,8 +222,9 @@ class Runs:
             "default": first order of Saltelli 2010, total order of Jansen, centred. "janon",
             "martinez". "parity": the uncentred pair of Saltelli 2008 that the SAFE toolbox computes.
         interval : str, optional
-            "percentile" or "bca": bootstrap of whole blocks. "replicates": spread of the design's
-            replicates, the default where there are at least two. "none".
+            "percentile" or "bca": bootstrap of whole blocks, of a sequence usually too wide, and
+            with small n perhaps too narrow. "replicates": spread of the design's replicates, the
+            default where there are at least two. "none".
         level : float
             Of the intervals.
         resamples : int
@@ -454,9 +489,16 @@ class Runs:
         return f"<Runs of {', '.join(self.outputs)}: {len(self.y)} rows, {len(self.failed)} failed>"
 
 
-def _check_running(
-    workers: Any, timeout_s: Any, retries: Any, task_s: Any, budget_s: Any
+def check_running(
+    *,
+    workers: Any = 1,
+    isolate: Any = None,
+    timeout_s: Any = None,
+    retries: Any = 1,
+    task_s: Any = 10.0,
+    budget_s: Any = None,
 ) -> None:
+    """Refuse wrong options of `Study.run`."""
     if not isinstance(workers, int) or not 1 <= workers <= 4096:
         raise refuse(f"workers is {workers!r}; it must be a whole number from 1 to 4096", "workers")
     if not isinstance(retries, int) or not 0 <= retries <= 100:
@@ -466,8 +508,18 @@ def _check_running(
         (task_s, "task_s", False),
         (budget_s, "budget_s", True),
     ):
-        if not (optional and value is None) and not (np.isfinite(value) and value > 0):
-            raise refuse(f"{name} is {value!r}; it must be positive", name)
+        positive = isinstance(value, Real) and np.isfinite(value) and value > 0
+        if not positive and not (optional and value is None):
+            raise refuse(f"{name} is {value!r}; it must be a positive number", name)
+    if isolate is not None:
+        _check_flag(isolate, "isolate")
+    if isolate is False and timeout_s is not None:
+        raise refuse("timeout_s needs isolate: only a process can be ended", "isolate")
+
+
+def _check_flag(value: Any, name: str) -> None:
+    if not isinstance(value, (bool, np.bool_)):
+        raise refuse(f"{name} is {value!r}; it must be true or false", name)
 
 
 def _check_units(units: Mapping[str, str] | None, names: tuple[str, ...]) -> dict[str, str]:
@@ -529,10 +581,12 @@ class Study:
         self.outputs = ("y",) if outputs is None else tuple(outputs)
         if not self.outputs or len(set(self.outputs)) != len(self.outputs):
             raise refuse("outputs must be names, each once", "outputs")
+        _check_flag(vectorized, "vectorized")
         self._scalar = outputs is None
         self.groups = None if groups is None else dict(groups)
         self.vectorized = vectorized
         self.units = _check_units(units, (*self.factors, *self.outputs))
+        self._describes = Describes()
 
     def design(self, **chosen: Any) -> StudyDesign:
         """A design over these factors; keywords are those of `StudyDesign`."""
@@ -569,7 +623,7 @@ class Study:
             A folder that keeps each result as soon as it is there. After a kill the same call goes
             on where it stopped: rows that are done are not run again, those that crashed or took
             too long are. A folder of another plan (factors, design, outputs, source of the
-            function) is refused.
+            function and what is bound to it) is refused.
         writer : str, optional
             Name of the file in it, for one process at a time; "main", or one of the shard's.
         progress : bool or callable
@@ -603,14 +657,19 @@ class Study:
         one_of(ON_FAILURE, on_failure, "on_failure")
         if list(design.function_factors) != list(self.factors):
             raise refuse("the design is one of other factors", "design")
-        _check_running(workers, timeout_s, retries, task_s, budget_s)
+        check_running(
+            workers=workers,
+            isolate=isolate,
+            timeout_s=timeout_s,
+            retries=retries,
+            task_s=task_s,
+            budget_s=budget_s,
+        )
         if shard is not None:
             check_shard(shard)
             if journal is None:
                 raise refuse("a shard needs a journal: it is what shards are merged from", "journal")
         apart = executor is not None or workers > 1 or timeout_s is not None
-        if isolate is False and timeout_s is not None:
-            raise refuse("timeout_s needs isolate: only a process can be ended", "isolate")
         isolate = apart if isolate is None else bool(isolate)
         name = writer or ("main" if shard is None else f"shard-{shard[0]}-of-{shard[1]}")
         kept = None if journal is None else self._journal(design, journal, name)
@@ -622,6 +681,7 @@ class Study:
                 journal=kept,
                 rows=None if shard is None else rows_of_shard(design, shard),
                 budget_s=budget_s,
+                retries=retries,
             )
             with contextlib.ExitStack() as stack:
                 if progress:
@@ -640,16 +700,22 @@ class Study:
                 else:
                     runner.run()
         finally:
+            self._describes.after_runs()
             if kept is not None:
                 kept.close()
         return self._runs(runner)
 
     def collect(self, design: StudyDesign, *, journal: str | os.PathLike[str]) -> Runs:
-        """What a journal knows of a design's runs, without running any."""
+        """What a journal knows of a design's runs, without running any.
+
+        A run that crashed or took too long has failed here; `run` tries it again.
+        """
         kept = self._journal(design, journal, None)
         try:
             return self._runs(
-                Runner(self._call(design), design, on_failure="drop_block", journal=kept)
+                Runner(
+                    self._call(design), design, on_failure="drop_block", journal=kept, again=False
+                )
             )
         finally:
             kept.close()
@@ -669,7 +735,7 @@ class Study:
         if self.groups is not None:
             groups = {name: group for name, group in self.groups.items() if name in rest} or None
         numbers = {name: float(value) for name, value in values.items()}
-        return Study(
+        found = Study(
             rest,
             None if self.function is None else Fixed(self.function, numbers),
             outputs=None if self._scalar else self.outputs,
@@ -677,6 +743,8 @@ class Study:
             vectorized=self.vectorized,
             units={name: unit for name, unit in self.units.items() if name not in values},
         )
+        found._describes = self._describes  # one function, whatever is fixed
+        return found
 
     def two_phase(
         self,
@@ -752,9 +820,19 @@ class Study:
     def _journal(
         self, design: StudyDesign, folder: str | os.PathLike[str], writer: str | None
     ) -> StudyJournal:
+        told = self._describes.now(self.function)
+        if told.unknown:
+            from .impedance import UncertainResult
+
+            warnings.warn(
+                f"the journal's plan does not hold {', '.join(told.unknown)} of the function: give "
+                "it an attribute plan_source, a text that changes when its results do",
+                UncertainResult,
+                stacklevel=3,
+            )
         return StudyJournal(
             folder,
-            plan=plan_of(design, self.outputs, self.function, self.vectorized),
+            plan=plan_of(design, self.outputs, self.function, self.vectorized, told),
             rows=design.rows,
             outputs=len(self.outputs),
             writer=writer,
@@ -813,7 +891,8 @@ class Study:
             seed=seed,
             dummy=dummy,
         )
-        runs = self._run_taking(design, on_failure, options)
+        running = self._parted(design, "screen", on_failure, seed, options)
+        runs = self.run(design, on_failure=on_failure, **running)
         return runs.screen(on_failure=on_failure, seed=seed, **options)
 
     def sobol(
@@ -858,13 +937,41 @@ class Study:
             seed=seed,
             dummy=dummy,
         )
-        runs = self._run_taking(design, on_failure, options)
+        running = self._parted(design, "sobol", on_failure, seed, options)
+        runs = self.run(design, on_failure=on_failure, **running)
         return runs.sobol(on_failure=on_failure, seed=seed, **options)
 
-    def _run_taking(self, design: Any, on_failure: str, options: dict[str, Any]) -> Runs:
-        """Run a design with the options of `run`, which are taken out of `options`."""
+    def _parted(
+        self, design: StudyDesign, analysis: str, on_failure: str, seed: int, options: dict[str, Any]
+    ) -> dict[str, Any]:
+        """Options of `run`, which are taken out of those of an analysis, and those checked."""
+        check_names(options, (*OPTIONS[analysis], "output", *_RUNNING), f"{analysis}: ")
         running = {name: options.pop(name) for name in _RUNNING if name in options}
-        return self.run(design, on_failure=on_failure, **running)
+        self._rehearse(design, analysis, {"on_failure": on_failure, "seed": seed, **options})
+        return running
+
+    def _rehearse(self, design: StudyDesign, analysis: str, options: Mapping[str, Any]) -> None:
+        """Analyse a made-up result of a small such design: what is refused is so before a run."""
+        small = self.design(
+            scheme=design.scheme,
+            sampler="monte-carlo",
+            n=min(design.n, 2),
+            replicates=design.replicates,
+            second_order=design.second_order,
+            guard=design.guard,
+            levels=design.levels,
+            dummy=design.dummy,
+        )
+        made_up = self._nothing_of(small)
+        made_up.y[:] = np.arange(small.rows)[:, None]
+        made_up.status[:] = 0
+        getattr(made_up, analysis)(**options)
+
+    def _nothing_of(self, design: StudyDesign) -> Runs:
+        """The design's runs before the first one."""
+        nothing = np.full((design.rows, len(self.outputs)), np.nan)
+        status = np.full(design.rows, NOT_RUN, dtype=np.int32)
+        return Runs(design, nothing, status, nothing[:, 0].copy(), self.outputs)
 
     def sample(
         self,
@@ -923,22 +1030,26 @@ class Study:
         >>> print(study.patient(quantities={"y": 0.05}, seed=1)["y"].advice())
         To halve the interval of y: measure mass to ±0.066 kg (standard error).
         """
-        runs = self.sample(
-            n=n or (1024 if method == "reweight" else 128),
+        design = self.design(
+            scheme="sample",
+            n=(1024 if method == "reweight" else 128) if n is None else n,
             seed=seed,
-            on_failure=on_failure,
-            **running,
+            **{name: running.pop(name) for name in ("sampler", "candidates") if name in running},
         )
-        return runs.patient(
-            quantities=quantities,
-            observed=observed,
-            covariance=covariance,
-            measurable=measurable,
-            method=method,
-            level=level,
-            seed=seed,
-            on_failure=on_failure,
-        )
+        question = {
+            "quantities": quantities,
+            "observed": observed,
+            "covariance": covariance,
+            "measurable": measurable,
+            "method": method,
+            "level": level,
+            "on_failure": on_failure,
+        }
+        planned = self._nothing_of(design)
+        check_question(planned, **question)
+        check_size(planned, planned.base_rows(), method)
+        runs = self.run(design, on_failure=on_failure, **running)
+        return runs.patient(seed=seed, **question)
 
     @property
     def problem(self) -> dict[str, Any]:

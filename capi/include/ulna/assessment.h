@@ -247,11 +247,12 @@ ULNA_API ulna_status ulna_plant_new_published(const ulna_published_options *opti
                                               ulna_plant **out_plant);
 
 /** Mobilises the arm of a plant. nominal: a plant whose description is the nominal model; NULL: the
- * plant's own. Descriptions that cannot be are refused in one sentence; what goes wrong in the run
- * is in its status. The record holds, for each joint of the device, theta_, theta_dot_,
- * theta_ddot_, tau_motor_, tau_loss_ (damping and friction as they were), tau_hum_ (torque of the
- * muscles by the nominal model), theta_ref_; for each human joint q_, q_dot_, tau_muscle_ (true);
- * a_ of each muscle; and what else the plant logs.
+ * plant's own. A plant that was read or changed needs one; joints, motors and muscles of a scene
+ * that was read have its names. Descriptions that cannot be are refused in one sentence; what goes
+ * wrong in the run is in its status. The record holds, for each joint of the device, theta_,
+ * theta_dot_, theta_ddot_, tau_motor_, tau_loss_ (damping and friction as they were), tau_hum_
+ * (torque of the muscles by the nominal model), theta_ref_; for each human joint q_, q_dot_,
+ * tau_muscle_ (true); a_ of each muscle; and what else the plant logs.
  * @thread shared plant
  * @since 0.1 */
 ULNA_API ulna_status ulna_mobilisation_new(const ulna_plant *plant, const ulna_plant *nominal,

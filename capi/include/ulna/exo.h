@@ -144,8 +144,12 @@ typedef struct ulna_scene_options {
  * as quaternion w x y z, joint axis x y z (link axes), lower and upper limit and reference angle
  * (rad), mass (kg), centre of mass x y z (m), inertia about it xx yy zz xy xz yz (kg m^2), damping
  * (N m s/rad), Coulomb friction (N m), motor limit (N m, 0: no motor). The last link but one
- * carries the upper arm, the last one the forearm and its joint bends the elbow. Refuses with one
- * sentence (ULNA_ERROR_ARGUMENT) what cannot be, and names link, joint or muscle.
+ * carries the upper arm, the last one the forearm and its joint bends the elbow. Links come without
+ * straps, and their joints are not named like the arm's (shoulder_flexion, shoulder_abduction,
+ * shoulder_rotation, elbow_flexion, forearm_pronation, wrist_flexion, wrist_abduction). Held
+ * rigidly, the elbow of an arm of any length is put on the last joint, which must be within 60 mm
+ * of that arm's elbow, or the published one's, in the reference. Refuses with one sentence
+ * (ULNA_ERROR_ARGUMENT) what cannot be, and names link, joint or muscle.
  * @thread any
  * @since 0.1 */
 ULNA_API ulna_status ulna_plant_new(const ulna_scene_options *options, ulna_plant **out_plant);

@@ -47,7 +47,8 @@ typedef struct ulna_soft_options {
   double shear[2];               /* stiffness along the skin, of that across it; 0: 1/3 */
 } ulna_soft_options;
 
-/** How a full interface becomes bushings. Zero bytes are the defaults named here.
+/** How a full interface becomes bushings. Zero bytes are the defaults named here; an angle of 0 is
+ * written as 1e-12.
  * @since 0.1 */
 typedef struct ulna_reduction_options {
   int64_t struct_size; /* sizeof(ulna_reduction_options) */

@@ -200,6 +200,9 @@ EngineModel EngineModel::from_text(const std::string& mjcf, const EngineRoom& ro
 }
 
 EngineModel EngineModel::from_file(const std::string& path, const EngineRoom& room) {
+  if (std::filesystem::is_directory(path)) {
+    throw Error(Fault::kFile, "path", path + " is a folder: give the name of a file");
+  }
   if (!std::filesystem::is_regular_file(path)) {
     throw Error(Fault::kFile, "path", "there is no file " + path);
   }

@@ -127,7 +127,7 @@ Vector vector_of(const std::vector<double>& values) {
 
 void CompressionOptions::check() const {
   require(largest_strain > 0.0 && largest_strain < 0.9, "largest_strain",
-          "the largest strain must be between 0 and 0.9");
+          "the largest strain must be above 0 and below 0.9");
   require(std::isfinite(first_force) && first_force > 0.0, "first_force",
           "the first force must be positive");
   require(force_factor > 1.001 && force_factor <= 10.0, "force_factor",

@@ -184,6 +184,45 @@ TEST(Exo, DescriptionsThatCannotBeSayWhy) {
   expect_refusal([&] { ExoPlant plant(slow); }, "time step");
 }
 
+// A device's joint keeps what its link says of it, or is refused for its name.
+TEST(Exo, JointsOfTheDeviceHaveNamesOfTheirOwn) {
+  for (const char* name : {"elbow_flexion", "wrist_flexion", "shoulder_rotation"}) {
+    for (const Coupling coupling : {Coupling::kRigid, Coupling::kApart}) {
+      ExoScene scene = scene_of(coupling);
+      scene.exo.links[3].joint = name;
+      expect_refusal([&] { ExoPlant plant(scene); },
+                     "joint '" + std::string(name) + "' of the device has the name of a joint of");
+    }
+    ExoScene alone = scene_of(Coupling::kExoOnly);
+    alone.exo.links[3].joint = name;
+    const ExoPlant plant(alone);
+    const Index joint = plant.model().velocity_of(name);
+    EXPECT_EQ(plant.model().joint_damping()[joint], 1.0);
+    EXPECT_EQ(plant.model().joint_friction()[joint], 2.787);
+  }
+}
+
+// Arms of any length are stretched onto the published device, or one that is made for them.
+TEST(Exo, RigidArmsAreHeldAtTheirElbow) {
+  for (const double factor : {0.5, 0.9, 1.1, 1.8}) {
+    ExoScene scene;
+    scene.arm = ArmDescription::cylinders(factor);
+    EXPECT_NO_THROW(ExoPlant{scene}) << factor;
+    scene.exo.links[2].position *= factor;
+    EXPECT_NO_THROW(ExoPlant{scene}) << factor;
+  }
+  ExoScene tall;
+  tall.arm = ArmDescription::person(2.2, 100.0);
+  EXPECT_NO_THROW(ExoPlant{tall});
+  for (const Vector3& off : {Vector3(0, 0.3, 0), Vector3(0, 0, 0.09), Vector3(0.09, 0, 0)}) {
+    ExoScene scene;
+    scene.exo.links[3].position = off;
+    expect_refusal([&] { ExoPlant plant(scene); }, "joint 'J4' of the device is");
+    scene.coupling = Coupling::kApart;
+    EXPECT_NO_THROW(ExoPlant{scene});
+  }
+}
+
 TEST(Exo, StartsThatCannotBeReachedAreRefused) {
   const ExoPlant plant(scene_of(Coupling::kRigid));
   Vector start = plant.model().reference();

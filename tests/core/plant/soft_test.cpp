@@ -146,6 +146,8 @@ TEST(Compression, RefusesWhatCannotBe) {
   test.largest_strain = 2.0;
   const Tissue tissue(TissueOptions::forearm());
   EXPECT_TRUE(says(refusal([&] { compress(tissue, test); }), "largest strain"));
+  test.largest_strain = 0.9;
+  EXPECT_TRUE(says(refusal([&] { compress(tissue, test); }), "below 0.9"));
   CompressionOptions quick;
   quick.largest_strain = 0.05;
   const CompressionResult r = compress(tissue, quick);

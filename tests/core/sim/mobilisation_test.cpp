@@ -558,6 +558,8 @@ TEST(JointSensors, AddTheirErrorsAndNothingElse) {
   EXPECT_EQ((with_errors(clean, nominal, sensors, 7, 3).values() - noisy.values()).norm(), 0.0);
   EXPECT_GT((with_errors(clean, nominal, sensors, 7, 4).values() - noisy.values()).norm(), 1.0);
   expect_refusal([&] { with_errors(clean, nominal, {.torque_nm = -1.0}, 1); }, "torque_nm must");
+  expect_refusal([&] { with_errors(clean, nominal, {.torque_nm = 1e300}, 1); },
+                 "torque_nm is 1e+300; it must be at most 1e+06");
 }
 
 // Bad scenes
@@ -605,6 +607,7 @@ TEST(Protocol, NeedsAnArmThatIsHeld) {
   const ExoPlant plain{ExoScene()};
   const ExoPlant changed = plain.changed({{ModelQuantity::kMass, "Link1", {7.0}}});
   expect_refusal([&] { mobilised(changed); }, "no nominal model", Fault::kUnsupported);
+  EXPECT_EQ(mobilised(changed, &plain.scene())->muscles(), mobilised(plain)->muscles());
   expect_refusal([] { rigid_plant([](ExoScene& s) { s.exo.links[3].mass = -0.5; }); },
                  "body 'Link4' must have a positive mass");
   expect_refusal([] { rigid_plant([](ExoScene& s) { s.arm.ulna.centre[0] = kNan; }); }, "ulna");

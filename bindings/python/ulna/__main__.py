@@ -1,0 +1,6 @@
+"""``python -m ulna`` is the command ``ulna``."""
+
+from .cli import main
+
+if __name__ == "__main__":
+    raise SystemExit(main())
