@@ -437,9 +437,11 @@ def torque(k, angle, speed):
         "study", "run", elbow, "--json", "--quiet", "--no-figures", "--workers", workers
     )
     assert json.loads(out)["screening"]
-    assert {"loaded", "python", "descriptor", "program"} <= set(err.splitlines())
+    # Within lines: what two processes write at once may share one.
+    words = ["loaded", "python", "descriptor", "program"]
     if workers == 1:
-        assert {"past it", "library"} <= set(err.splitlines())
+        words += ["past it", "library"]
+    assert all(word in err for word in words)
 
 
 def test_an_unfinished_study_prints_no_half_json(elbow, capsys):
