@@ -21,9 +21,8 @@ from ulna import exo
 
 TWO_FIXES = ("hold", "strap_mask")
 ESTIMATOR = ("nominal", "human_angle")  # what a log of the same run is identified with
-# Left out on samples, one at a time; without limits the held torque diverges, so all three go.
-ALONE = (("hold",), ("strap_mask",), ("drop",), (*TWO_FIXES, "limits"))
-# Of the nominal arm, beside each defect alone.
+ALONE = ("hold", "strap_mask", "drop")  # left out on samples, one at a time
+# Of the nominal arm, beside each defect alone: without limits the held torque diverges.
 TOGETHER = (("hold", "limits"), (*TWO_FIXES, "limits"), (*TWO_FIXES, "drop"), (*TWO_FIXES, "self_contact"))
 COLUMNS = (
     "arm", "left_out", "status", "k_nm_rad", "true_k_nm_rad", "error_nm_rad", "largest_slip_deg",
@@ -95,8 +94,8 @@ def tasks(estimators: range, alone: range) -> Iterator[tuple[Key, Iterator[dict[
         yield ("nominal", name_of(left_out)), run_once("nominal", left_out)
     yield ("nominal", name_of(TWO_FIXES)), run_estimators("nominal")
     for sample in map(str, alone):
-        for left_out in ALONE:
-            yield (sample, name_of(left_out)), run_once(sample, left_out)
+        for defect in ALONE:
+            yield (sample, defect), run_once(sample, (defect,))
     for sample in map(str, estimators):
         yield (sample, name_of(TWO_FIXES)), run_estimators(sample)
 
@@ -124,7 +123,7 @@ def span(text: str) -> range:
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     for name, default, words in (
-        ("--alone", "0:40", "samples that are run without one defect at a time"),
+        ("--alone", "0:22", "samples that are run without one defect at a time"),
         ("--estimators", "42:160", "samples that are run once and identified in four ways"),
     ):
         parser.add_argument(

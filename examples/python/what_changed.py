@@ -32,7 +32,6 @@ PAIRS = (
     ("none", "strap_mask"),
     ("none", "drop"),
     ("none", "hold+strap_mask"),
-    ("hold+strap_mask", "hold+strap_mask+limits"),
     ("hold+strap_mask", "hold+strap_mask+nominal"),
     ("hold+strap_mask", "hold+strap_mask+human_angle"),
     ("hold+strap_mask", "hold+strap_mask+nominal+human_angle"),
