@@ -14,7 +14,7 @@ share does not widen the interval.
 """
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -51,14 +51,20 @@ def parts(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.append(slopes**2, 1.0 - np.var(y - x @ slopes))
 
 
+def bootstrapped(
+    found: Callable[[np.ndarray], np.ndarray], count: int, resamples: int = 2000
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What is found of all runs, by their places, and the ends of its intervals."""
+    drawn = np.random.default_rng(0).integers(count, size=(resamples, count))
+    low, high = np.quantile([found(i) for i in drawn], LEVEL, axis=0)
+    return found(np.arange(count)), low, high
+
+
 def with_intervals(
     x: np.ndarray, y: np.ndarray, resamples: int = 2000
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """`parts`, and the ends of their intervals."""
-    random = np.random.default_rng(0)
-    drawn = random.integers(len(y), size=(resamples, len(y)))
-    low, high = np.quantile([parts(x[i], y[i]) for i in drawn], LEVEL, axis=0)
-    return parts(x, y), low, high
+    return bootstrapped(lambda i: parts(x[i], y[i]), len(y), resamples)
 
 
 def held(rows: Rows) -> Rows:
@@ -140,12 +146,11 @@ def moved(study: Rows, defects: Rows) -> Iterator[tuple[object, ...]]:
             continue
         x = points([b for _, b in kept], "arm" if "arm" in kept[0][1] else "sample")
         first, second = (column([pair[k] for pair in kept], ERROR) for k in (0, 1))
-        drawn = np.random.default_rng(0).integers(len(kept), size=(2000, len(kept)))
-        low, high = np.quantile(
-            [parts(x[i], second[i]) - parts(x[i], first[i]) for i in drawn], LEVEL, axis=0
-        )
-        change = parts(x, second) - parts(x, first)
-        for name, *cells in zip((*FACTORS, "R2"), change, low, high, strict=True):
+
+        def change(i: np.ndarray, x=x, first=first, second=second) -> np.ndarray:
+            return parts(x[i], second[i]) - parts(x[i], first[i])
+
+        for name, *cells in zip((*FACTORS, "R2"), *bootstrapped(change, len(kept)), strict=True):
             yield (before, after, len(kept), name, *map(float, cells))
 
 

@@ -204,6 +204,12 @@ def require_matplotlib(option: str = "--out") -> None:
     matplotlib.use("Agg")
 
 
+def check_file(path: Path) -> None:
+    """Refuse before the work rather than after it."""
+    if path.is_dir():
+        raise Usage(f"--out {path} is a folder: give the name of a file")
+
+
 def check_folder(folder: Path) -> None:
     """Refuse before the work rather than after it."""
     if folder.exists() and not folder.is_dir():

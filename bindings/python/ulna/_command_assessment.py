@@ -11,7 +11,7 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
-from ._command import OK, Usage, add_command, not_negative, seed
+from ._command import OK, Usage, add_command, check_file, not_negative, seed
 
 # Status of the command for a run that did not end as ok: the description was sound.
 FAILED = 1
@@ -87,8 +87,7 @@ def _noise(text: str) -> float:
 
 def _check_out(out: str) -> None:
     """Refuse before the simulation where no log can be written after it."""
-    if Path(out).is_dir():
-        raise Usage(f"--out {out} is a folder: give the name of a file")
+    check_file(Path(out))
     if not Path(out).parent.is_dir():
         raise Usage(f"--out {out}: there is no folder {Path(out).parent}")
 

@@ -11,6 +11,7 @@ from ._command import (
     OK,
     Usage,
     add_command,
+    check_file,
     count,
     not_negative,
     number,
@@ -170,8 +171,8 @@ def _design(options: argparse.Namespace) -> int:
     from .design import Limits, Noise, Robot
 
     target = None if options.out is None else Path(options.out)
-    if target is not None and target.is_dir():
-        raise Usage(f"--out {target} is a folder: give the name of a file")
+    if target is not None:
+        check_file(target)
     if options.plot:
         require_matplotlib("--plot")
     limits = Limits(

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from . import _command_assessment
-from ._command import OK, Usage, add_command, not_negative, seed
+from ._command import OK, Usage, add_command, check_file, not_negative, seed
 
 _TABLES = ("3.2", "3.4", "4.1", "4.2", "5.6")
 
@@ -114,8 +114,7 @@ def _simulate(options: argparse.Namespace) -> int:
     from . import io, sim
 
     target = Path(options.out)
-    if target.is_dir():
-        raise Usage(f"--out {target} is a folder: give the name of a file")
+    check_file(target)
     arm = _springs(options) if options.kind == "springs" else _arm(options)
     human = sim.Human(tremor_n=getattr(options, "tremor", 0.0))
     if options.kind == "rigid":

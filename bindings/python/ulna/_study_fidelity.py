@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ._call import DataError
+from ._study_design import check_share
 from ._study_indices import _cell, _row
 from ._study_run import NOT_RUN
 from .record import refuse
@@ -190,8 +191,7 @@ def multi_fidelity(
     >>> ulna.study.multi_fidelity(many, few)
     <MultiFidelity y: 64 of 512 blocks in full, correlation 0.959>
     """
-    if not 0.0 < level < 1.0:
-        raise refuse(f"level is {level!r}; it must lie between 0 and 1", "level")
+    check_share(level, "level")
     if not isinstance(resamples, int) or resamples < 50:
         raise refuse(f"resamples is {resamples!r}; it must be at least 50", "resamples")
     if on_failure not in ("error", "drop_block"):

@@ -39,16 +39,17 @@ class Analysed:
         if self.phases is not None:
             return self.phases.summary()
         parts = [one.summary() for one in (*self.screening.values(), *self.ranking.values())]
-        if not parts and self.runs["runs"].failed.size == len(self.runs["runs"].y):
-            parts = [f"every run failed; {self.runs['runs']._why_failed()}"]
-        if not parts:
-            runs = self.runs["runs"]
-            parts = [
-                f"{name}: mean {np.nanmean(y):.6g}, standard deviation {np.nanstd(y, ddof=1):.6g}, "
-                f"{len(y)} runs, {runs.failed.size} failed"
-                for name, y in zip(runs.outputs, runs.y.T, strict=True)
-            ]
-        return "\n\n".join(parts)
+        return "\n\n".join(parts or self._of_sample(self.runs["runs"]))
+
+    @staticmethod
+    def _of_sample(runs: Runs) -> list[str]:
+        if runs.failed.size == len(runs.y):
+            return [f"every run failed; {runs._why_failed()}"]
+        return [
+            f"{name}: mean {np.nanmean(y):.6g}, standard deviation {np.nanstd(y, ddof=1):.6g}, "
+            f"{len(y)} runs, {runs.failed.size} failed"
+            for name, y in zip(runs.outputs, runs.y.T, strict=True)
+        ]
 
     def result(self) -> dict[str, Any]:
         """For a program; what does not exist is null."""

@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._call import (
-    ArgumentError,
     FileError,
     FormatError,
     Handle,
@@ -480,10 +479,9 @@ class Run:
         settable = ("position", "velocity", "activation", "control", "applied")
         for name, values in fields.items():
             if name not in settable:
-                raise ArgumentError(
+                raise refuse(
                     f"a run has no {name} to set; it has {', '.join(settable)}",
-                    status="ULNA_ERROR_ARGUMENT",
-                    argument=name,
+                    name,
                 )
             kind = getattr(lib, f"ULNA_RUN_{name.upper()}")
             numbers = view(np.atleast_1d(np.asarray(values, dtype=float)))
@@ -601,10 +599,9 @@ def read_device(path: str | Path) -> dict[str, Any]:
         When it is not TOML.
     """
     if not isinstance(path, str | PathLike):
-        raise ArgumentError(
+        raise refuse(
             f"device is {path!r}; it must be the path of a TOML file or what read_device gives",
-            status="ULNA_ERROR_ARGUMENT",
-            argument="device",
+            "device",
         )
     try:
         with open(path, "rb") as file:
@@ -842,10 +839,9 @@ def exoskeleton(
     if soft is False or soft is None:
         return Plant(_Plant.make(lib.ulna_plant_new, scene))
     if coupling != "rigid":
-        raise ArgumentError(
+        raise refuse(
             f"an arm in soft interfaces cannot be held {coupling!r} as well: leave coupling out",
-            status="ULNA_ERROR_ARGUMENT",
-            argument="coupling",
+            "coupling",
         )
     return Plant(_Plant.make(lib.ulna_plant_new_soft, scene, Soft.of(soft)._struct()))
 
@@ -882,10 +878,9 @@ def measured_torque(source: str) -> tuple[Array, Array, Array]:
         ),
     }
     if source not in tables:
-        raise ArgumentError(
+        raise refuse(
             f"source is {source!r}; it must be one of {', '.join(tables)}",
-            status="ULNA_ERROR_ARGUMENT",
-            argument="source",
+            "source",
         )
     angle, flexion, extension = (
         np.array(list(column), dtype=float) for column in tables[source]
@@ -1156,10 +1151,9 @@ def fit_elbow_muscles(
     """
     _refuse_zero(passive_limit_nm=passive_limit_nm)
     if evaluations is not None and evaluations < 1:
-        raise ArgumentError(
+        raise refuse(
             "evaluations must be 1 or more",
-            status="ULNA_ERROR_ARGUMENT",
-            argument="evaluations",
+            "evaluations",
         )
     if plant is None:
         plant = exoskeleton(coupling="arm_only", muscles="unfitted")
