@@ -128,12 +128,13 @@ std::string degrees(double angle) {
 
 }  // namespace
 
-ExoPlant::ExoPlant(const ExoScene& scene)
-    : ExoPlant(compile(mjcf_of(scene), scene), mjcf_of(scene)) {
-  text_ = with_ranges(std::move(text_), model_, scene);
-  scene_ = std::make_shared<const ExoScene>(scene);
-  nominal_ = std::make_shared<const RigidTree>(bodies_of(scene), scene.solver.gravity);
-}
+ExoPlant::ExoPlant(const ExoScene& scene) : ExoPlant(scene, mjcf_of(scene)) {}
+
+ExoPlant::ExoPlant(const ExoScene& scene, const std::string& unranged)
+    : model_(compile(unranged, scene)),
+      text_(with_ranges(unranged, model_, scene)),
+      scene_(std::make_shared<const ExoScene>(scene)),
+      nominal_(std::make_shared<const RigidTree>(bodies_of(scene), scene.solver.gravity)) {}
 
 ExoPlant ExoPlant::from_file(const std::string& path, const EngineRoom& room) {
   return {EngineModel::from_file(path, room), ""};

@@ -53,6 +53,8 @@ class ExoPlant {
   void check_start(const VectorRef& angle) const;
 
  private:
+  // unranged: the scene's text before length ranges are known.
+  ExoPlant(const ExoScene& scene, const std::string& unranged);
   ExoPlant(EngineModel model, std::string text)
       : model_(std::move(model)), text_(std::move(text)) {}
 
